@@ -1,0 +1,9 @@
+"""Files: arrays in, arrays out, no physics. SI units inside; readers say what the file held."""
+
+from icjax.files._errors import FileError as FileError
+from icjax.files._records import labelled as labelled
+from icjax.files._records import load_record as load_record
+from icjax.files._records import names as names
+from icjax.files._records import record_kind as record_kind
+from icjax.files._records import save_record as save_record
+from icjax.files._records import static as static

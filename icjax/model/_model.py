@@ -1,0 +1,142 @@
+"""The articulated body: static topology, traced numbers."""
+
+import equinox as eqx
+import numpy as np
+
+from icjax.files import labelled, names, static
+from icjax.typing import Float, Real
+
+POSITION_SIZE = {"hinge": 1, "slide": 1, "ball": 4, "free": 7}
+VELOCITY_SIZE = {"hinge": 1, "slide": 1, "ball": 3, "free": 6}
+
+
+class Model(eqx.Module):
+    """Kinematic tree with hinge, slide, ball and free joints.
+
+    Body 0 is the world. A body's joints act in the order of the joint table; a body without joints is fixed to
+    its parent. Every number is a differentiable leaf; names and topology are static.
+
+    Coordinates `q` (size `nq`): hinge rad, slide m, ball unit quaternion (w, x, y, z) of the joint rotation, free
+    position (m, world) followed by unit quaternion (w, x, y, z) of the body.
+
+    Velocities `v` and displacements `dq` (size `nv`): hinge rad/s, slide m/s, ball angular velocity in body
+    coordinates, free the spatial velocity (angular, linear) in body coordinates, the phi of Eq. 3.
+
+    **Fields**: see each declaration; `compliance` is infinite where the source states no spring and zero where
+    the coordinate is driven.
+    """
+
+    name: str = static()
+    body_names: tuple[str, ...] = names("body")
+    body_parents: tuple[int, ...] = static()
+    joint_names: tuple[str, ...] = names("joint")
+    joint_types: tuple[str, ...] = static()
+    joint_bodies: tuple[int, ...] = static()
+    site_names: tuple[str, ...] = names("site")
+    site_bodies: tuple[int, ...] = static()
+    pad_names: tuple[str, ...] = names("pad")
+    pad_bodies: tuple[int, ...] = static()
+
+    body_position: Float[Real, "body 3"] = labelled(
+        "body", "axis", unit="m", doc="origin of the body frame in its parent at zero joint displacement"
+    )
+    body_rotation: Float[Real, "body 3 3"] = labelled(
+        "body", "axis", "axis2", unit="1", doc="rotation from body to parent at zero joint displacement"
+    )
+    body_mass: Float[Real, " body"] = labelled("body", unit="kg")
+    body_com: Float[Real, "body 3"] = labelled("body", "axis", unit="m", doc="centre of mass, body frame")
+    body_inertia: Float[Real, "body 3 3"] = labelled(
+        "body", "axis", "axis2", unit="kg m2", doc="rotational inertia about the centre of mass, body axes"
+    )
+    joint_position: Float[Real, "joint 3"] = labelled("joint", "axis", unit="m", doc="anchor, body frame")
+    joint_axis: Float[Real, "joint 3"] = labelled("joint", "axis", unit="1", doc="unit axis, body frame")
+    zero: Float[Real, " coordinate"] = labelled(
+        "coordinate", unit="rad or m", doc="coordinates at which the joint displacement is zero"
+    )
+    rest: Float[Real, " coordinate"] = labelled(
+        "coordinate", unit="rad or m", doc="coordinates at which the springs are slack"
+    )
+    lower: Float[Real, " coordinate"] = labelled("coordinate", unit="rad or m", doc="lower limit, -inf if none")
+    upper: Float[Real, " coordinate"] = labelled("coordinate", unit="rad or m", doc="upper limit, inf if none")
+    compliance: Float[Real, " dof"] = labelled("dof", unit="rad/Nm or m/N", doc="inverse joint stiffness")
+    damping: Float[Real, " dof"] = labelled("dof", unit="Nm s/rad or N s/m")
+    armature: Float[Real, " dof"] = labelled("dof", unit="kg m2 or kg", doc="inertia added to the diagonal")
+    site_position: Float[Real, "site 3"] = labelled("site", "axis", unit="m", doc="marker site, body frame")
+    pad_centre: Float[Real, "pad 3"] = labelled("pad", "axis", unit="m", doc="contact sphere centre, body frame")
+    pad_radius: Float[Real, " pad"] = labelled("pad", unit="m")
+    pad_compliance: Float[Real, " pad"] = labelled("pad", unit="m/N", doc="soft pad between bone and surface")
+    gravity: Float[Real, "3"] = labelled("axis", unit="m/s2")
+
+    @property
+    def nq(self) -> int:
+        """Number of coordinates."""
+        return sum(POSITION_SIZE[kind] for kind in self.joint_types)
+
+    @property
+    def nv(self) -> int:
+        """Number of degrees of freedom."""
+        return sum(VELOCITY_SIZE[kind] for kind in self.joint_types)
+
+    @property
+    def dof_names(self) -> tuple[str, ...]:
+        """A name for each degree of freedom: the joint's own, with a suffix where the joint has several."""
+        suffixes = {
+            "hinge": ("",),
+            "slide": ("",),
+            "ball": ("_x", "_y", "_z"),
+            "free": ("_rx", "_ry", "_rz", "_x", "_y", "_z"),
+        }
+        return tuple(
+            name + suffix
+            for name, kind in zip(self.joint_names, self.joint_types, strict=True)
+            for suffix in suffixes[kind]
+        )
+
+    @property
+    def coordinate_slices(self) -> tuple[slice, ...]:
+        """Slice of `q` for each joint."""
+        return _slices([POSITION_SIZE[kind] for kind in self.joint_types])
+
+    @property
+    def dof_slices(self) -> tuple[slice, ...]:
+        """Slice of `v` for each joint."""
+        return _slices([VELOCITY_SIZE[kind] for kind in self.joint_types])
+
+    @property
+    def path_mask(self) -> np.ndarray:
+        """The binary matrices S_i of Eq. 4, one row a body: `[body, dof]`, 1 on the path from the body to the root."""
+        mask = np.zeros((len(self.body_names), self.nv))
+        for body, parent in enumerate(self.body_parents):
+            if body > 0:
+                mask[body] = mask[parent]
+            for joint_body, dofs in zip(self.joint_bodies, self.dof_slices, strict=True):
+                if joint_body == body:
+                    mask[body, dofs] = 1.0
+        return mask
+
+    def body(self, name: str) -> int:
+        """Index of a body. **Errors**: `ValueError` naming the unknown body and the known ones."""
+        return _index("body", name, self.body_names)
+
+    def joint(self, name: str) -> int:
+        """Index of a joint. **Errors**: `ValueError` naming the unknown joint and the known ones."""
+        return _index("joint", name, self.joint_names)
+
+    def site(self, name: str) -> int:
+        """Index of a site. **Errors**: `ValueError` naming the unknown site and the known ones."""
+        return _index("site", name, self.site_names)
+
+    def pad(self, name: str) -> int:
+        """Index of a contact pad. **Errors**: `ValueError` naming the unknown pad and the known ones."""
+        return _index("pad", name, self.pad_names)
+
+
+def _slices(sizes: list[int]) -> tuple[slice, ...]:
+    stops = np.cumsum([0, *sizes])
+    return tuple(slice(int(a), int(b)) for a, b in zip(stops[:-1], stops[1:], strict=True))
+
+
+def _index(kind: str, name: str, known: tuple[str, ...]) -> int:
+    if name not in known:
+        raise ValueError(f"unknown {kind} {name!r}; the model has {', '.join(known) or 'none'}")
+    return known.index(name)

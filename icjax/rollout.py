@@ -1,0 +1,48 @@
+"""Hinge 3: what happened in simulation."""
+
+import os
+
+import equinox as eqx
+
+from icjax.files import labelled, load_record, names, save_record, static
+from icjax.model import Model
+from icjax.typing import Float, Int, Real
+
+SLIP_STATES = ("open", "sticking", "sliding")
+"""Meaning of `Rollout.slip_state`, by its number."""
+
+
+class Rollout(eqx.Module):
+    """Simulated interaction: one row a time step, one column a contact slot (pad and surface).
+
+    Forces act on the subject, world axes. A masked or open slot carries zero force.
+    """
+
+    name: str = static()
+    model: Model
+    scene: str = static()  # JSON text: surfaces, friction, step, facets, as given
+    time: Float[Real, " time"] = labelled("time", unit="s")
+    q: Float[Real, "time coordinate"] = labelled("time", "coordinate", unit="rad or m")
+    reference: Float[Real, "time coordinate"] = labelled("time", "coordinate", unit="rad or m")
+    torque: Float[Real, "time dof"] = labelled("time", "dof", unit="Nm", doc="of the contact forces, Eq. 2")
+    slot_names: tuple[str, ...] = names("slot")
+    contact_force: Float[Real, "time slot 3"] = labelled("time", "slot", "axis", unit="N")
+    contact_point: Float[Real, "time slot 3"] = labelled("time", "slot", "axis", unit="m")
+    contact_normal: Float[Real, "time slot 3"] = labelled("time", "slot", "axis", unit="1")
+    gap: Float[Real, "time slot"] = labelled("time", "slot", unit="m", doc="of the undeformed pad, negative inside")
+    slip_state: Int[Real, "time slot"] = labelled("time", "slot", unit="1", doc="index into SLIP_STATES")
+    equilibrium_error: Float[Real, "time dof"] = labelled(
+        "time", "dof", unit="rad or m", doc="theta_err of Eq. 7 after the step"
+    )
+    residual: Float[Real, " time"] = labelled("time", unit="1", doc="complementarity residual, dimensionless")
+    status: Int[Real, " time"] = labelled("time", unit="1", doc="0 where the step was solved, else the RESULTS index")
+    margin: Float[Real, " time"] = labelled("time", unit="1", doc="distance from a change of contact state")
+
+    def save(self, path: str | os.PathLike) -> None:
+        """Write one labelled netCDF file, complete or not at all."""
+        save_record(path, self)
+
+    @staticmethod
+    def load(path: str | os.PathLike) -> "Rollout":
+        """Read a rollout back, equal to what was saved. **Errors**: `FileError` naming the file."""
+        return load_record(path, Rollout)
