@@ -1,6 +1,11 @@
 """Files: arrays in, arrays out, no physics. SI units inside; readers say what the file held."""
 
+from icjax.files._c3d import read_c3d as read_c3d
+from icjax.files._c3d_write import write_c3d as write_c3d
 from icjax.files._errors import FileError as FileError
+from icjax.files._motion import ForcePlate as ForcePlate
+from icjax.files._motion import MotionEvent as MotionEvent
+from icjax.files._motion import MotionFile as MotionFile
 from icjax.files._records import labelled as labelled
 from icjax.files._records import load_record as load_record
 from icjax.files._records import names as names
