@@ -1,3 +1,5 @@
+# pyright: reportGeneralTypeIssues=false
+# (the checker does not see that `labelled`, `names` and `static` declare fields without a default)
 """Hinge 2: how the subject moved. Joint compliance C and reference trajectory theta_r, with their uncertainty."""
 
 import os

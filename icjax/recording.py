@@ -1,3 +1,5 @@
+# pyright: reportGeneralTypeIssues=false
+# (the checker does not see that `labelled`, `names` and `static` declare fields without a default)
 """Hinge 1: what was measured. Nothing downstream knows which files or instruments it came from."""
 
 import os

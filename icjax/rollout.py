@@ -1,3 +1,5 @@
+# pyright: reportGeneralTypeIssues=false
+# (the checker does not see that `labelled`, `names` and `static` declare fields without a default)
 """Hinge 3: what happened in simulation."""
 
 import os

@@ -182,9 +182,7 @@ def _read(group: Any, kind: type, path: Path) -> Any:
         elif "names" in metadata:
             dim = group.dimensions[metadata["names"]]
             found = group.variables[field.name][...] if dim.size else ()
-            values[field.name] = tuple(
-                item.decode() if isinstance(item, bytes) else str(item) for item in found
-            )
+            values[field.name] = tuple(item.decode() if isinstance(item, bytes) else str(item) for item in found)
         elif "json" in metadata:
             values[field.name] = _tuples(json.loads(group.attrs[field.name]))
         else:

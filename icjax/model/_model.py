@@ -1,3 +1,5 @@
+# pyright: reportGeneralTypeIssues=false
+# (the checker does not see that `labelled`, `names` and `static` declare fields without a default)
 """The articulated body: static topology, traced numbers."""
 
 import equinox as eqx

@@ -1,0 +1,42 @@
+"""`icjax capture`: recorded files to joint angles, contact forces and events."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Capture:
+    """Read a session's files; write its joint angles, contact forces and events to DIR/recording.nc."""
+
+    session: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="SESSION.TOML")]
+    """Session file."""
+    out: Path = Path("icjax-out")
+    """Folder for recording.nc."""
+
+    def run(self) -> None:
+        from icjax.capture import capture, read_session
+        from icjax.cli._output import Steps
+
+        steps = Steps(1)
+        with steps.step("markers to joint angles, forces and contact events") as progress:
+            session = capture(read_session(self.session), progress=progress)
+        path = self.out / "recording.nc"
+        session.save(path)
+        for recording in session.recordings:
+            rms = float(_rms(recording.marker_residual))
+            print(
+                f"  {recording.name} ({recording.role}): {float(recording.time[-1] - recording.time[0]):.2f} s, "
+                f"{len(recording.events.onset)} contacts, marker residual {1e3 * rms:.2f} mm RMS, "
+                f"{int((~recording.valid).sum())} frames without pose"
+            )
+        print(f"wrote {path}")
+
+
+def _rms(values) -> float:
+    import numpy as np
+
+    finite = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(finite**2))) if finite.size else float("nan")

@@ -1,0 +1,71 @@
+"""Entry point: parse, set up JAX, run the verb, turn an error of the user's into one line and exit code 2."""
+
+import os
+import sys
+from pathlib import Path
+
+import tyro
+
+from icjax import __version__
+from icjax.cli._capture import Capture
+from icjax.cli._check import Check
+from icjax.cli._demo import Demo
+from icjax.cli._estimate import Estimate
+from icjax.cli._report import Report
+from icjax.cli._transfer import Transfer
+
+VERBS = {
+    "demo": Demo,
+    "check": Check,
+    "capture": Capture,
+    "estimate": Estimate,
+    "transfer": Transfer,
+    "report": Report,
+}
+
+DESCRIPTION = """Interaction capture: from a recording of motion and contact force to joint compliance and
+reference trajectory, transferred to other surfaces by frictional contact simulation.
+
+A first run:  icjax demo --out icjax-demo
+Your files:   icjax check session.toml;  icjax capture session.toml --out DIR;
+              icjax estimate DIR/recording.nc;  icjax transfer DIR/interaction.nc;  icjax report DIR"""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one verb. Returns 0, or 2 after one clear line about bad input.
+
+    Set ICJAX_DEBUG=1 to see the full traceback instead of the line.
+    """
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments == ["--version"]:
+        print(f"icjax {__version__}")
+        return 0
+    verb = tyro.extras.subcommand_cli_from_dict(
+        VERBS, prog="icjax", description=DESCRIPTION, args=arguments or ["--help"]
+    )
+    try:
+        configure_jax()
+        verb.run()
+    except (ValueError, FileNotFoundError, PermissionError, IsADirectoryError, ModuleNotFoundError) as error:
+        if os.environ.get("ICJAX_DEBUG"):
+            raise
+        print(f"icjax: {_one_line(error)}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("icjax: interrupted; files already written are complete", file=sys.stderr)
+        return 130
+    return 0
+
+
+def configure_jax() -> None:
+    """float64, and compiled programs kept between runs (the command line's choice, never the library's)."""
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "icjax"
+    jax.config.update("jax_compilation_cache_dir", os.environ.get("JAX_COMPILATION_CACHE_DIR", str(cache)))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
