@@ -2,6 +2,7 @@
 
 from icjax.files._c3d import read_c3d as read_c3d
 from icjax.files._c3d_write import write_c3d as write_c3d
+from icjax.files._csv import read_csv as read_csv
 from icjax.files._errors import FileError as FileError
 from icjax.files._motion import ForcePlate as ForcePlate
 from icjax.files._motion import MotionEvent as MotionEvent
@@ -12,3 +13,5 @@ from icjax.files._records import names as names
 from icjax.files._records import record_kind as record_kind
 from icjax.files._records import save_record as save_record
 from icjax.files._records import static as static
+from icjax.files._sto import read_sto as read_sto
+from icjax.files._trc import read_trc as read_trc

@@ -71,9 +71,7 @@ def read_c3d(path: str | os.PathLike) -> MotionFile:
         events=_events(path, parameters),
         outputs={name: values[:, index] for index, name in enumerate(names) if name in kinds},
         output_units={
-            name: " ".join(_texts(parameters, "POINT", f"{kinds[name]}_UNITS")[:1])
-            for name in names
-            if name in kinds
+            name: " ".join(_texts(parameters, "POINT", f"{kinds[name]}_UNITS")[:1]) for name in names if name in kinds
         },
         metadata=_metadata(parameters),
         notes=tuple(notes),
@@ -130,10 +128,7 @@ def _length(path: Path, parameters: Any, notes: list[str]) -> tuple[str, float]:
 
 def _output_kinds(parameters: Any) -> dict[str, str]:
     return {
-        name: group.removesuffix("S")
-        for group in OUTPUT_GROUPS
-        for name in _texts(parameters, "POINT", group)
-        if name
+        name: group.removesuffix("S") for group in OUTPUT_GROUPS for name in _texts(parameters, "POINT", group) if name
     }
 
 
@@ -165,9 +160,7 @@ def _plates(path: Path, parameters: Any, channel_count: int, factor: float) -> t
     return tuple(_plate(path, parameters, index, count, channel_count, factor) for index in range(count))
 
 
-def _plate(
-    path: Path, parameters: Any, index: int, count: int, channel_count: int, factor: float
-) -> ForcePlate:
+def _plate(path: Path, parameters: Any, index: int, count: int, channel_count: int, factor: float) -> ForcePlate:
     def entry(name: str, rows: tuple[int, ...]) -> np.ndarray:
         value = _numbers(parameters, "FORCE_PLATFORM", name)
         size = int(np.prod(rows))
@@ -183,24 +176,16 @@ def _plate(
     per_plate = stored.shape[0] if stored.ndim == 2 else stored.size // count
     needed = {1: 6, 2: 6, 3: 8, 4: 6}.get(kind, 1)
     if per_plate < needed:
-        raise FileError(
-            path, f"force plate {index + 1} of type {kind} needs {needed} channels, has {per_plate}"
-        )
-    numbers = entry("CHANNEL", (per_plate,)).astype(int)[
-        : max(needed, 1) if kind in (1, 2, 3, 4) else per_plate
-    ]
+        raise FileError(path, f"force plate {index + 1} of type {kind} needs {needed} channels, has {per_plate}")
+    numbers = entry("CHANNEL", (per_plate,)).astype(int)[: max(needed, 1) if kind in (1, 2, 3, 4) else per_plate]
     for number in numbers:
         if not 1 <= number <= channel_count:
-            raise FileError(
-                path, f"force plate {index + 1} refers to analog channel {number} of {channel_count}"
-            )
+            raise FileError(path, f"force plate {index + 1} refers to analog channel {number} of {channel_count}")
     calibration = None
     if kind in (4, 5, 6, 7):
         matrix = _numbers(parameters, "FORCE_PLATFORM", "CAL_MATRIX")
         if matrix.ndim < 2 or matrix.size < matrix.shape[0] * matrix.shape[1] * count or matrix.size == 0:
-            raise FileError(
-                path, f"force plate {index + 1} of type {kind} has no calibration (parameter CAL_MATRIX)"
-            )
+            raise FileError(path, f"force plate {index + 1} of type {kind} has no calibration (parameter CAL_MATRIX)")
         size = matrix.shape[0] * matrix.shape[1]
         calibration = matrix.reshape(-1, order="F")[size * index : size * (index + 1)]
         calibration = calibration.reshape(matrix.shape[:2], order="F")
@@ -220,9 +205,7 @@ def _events(path: Path, parameters: Any) -> tuple[MotionEvent, ...]:
     count = int(used[0]) if used.size else 0
     times = _numbers(parameters, "EVENT", "TIMES").reshape(-1, order="F")
     if times.size < 2 * count:
-        raise FileError(
-            path, f"states {count} events but stores {times.size // 2} times (parameter EVENT:TIMES)"
-        )
+        raise FileError(path, f"states {count} events but stores {times.size // 2} times (parameter EVENT:TIMES)")
     labels = _texts(parameters, "EVENT", "LABELS") + [""] * count
     contexts = _texts(parameters, "EVENT", "CONTEXTS") + [""] * count
     events = [

@@ -96,11 +96,7 @@ def _set_analog(
             f"analog_names, analog_units and analog disagree: {len(names)}, {len(units)}, {analog.shape[1]}"
         )
     ratio = round((rate or 0.0) / marker_rate)
-    if (
-        ratio < 1
-        or abs(ratio * marker_rate - (rate or 0.0)) > 1e-9 * marker_rate
-        or len(analog) != ratio * frames
-    ):
+    if ratio < 1 or abs(ratio * marker_rate - (rate or 0.0)) > 1e-9 * marker_rate or len(analog) != ratio * frames:
         raise ValueError(
             f"analog_rate {rate} and {len(analog)} samples are no whole multiple of marker_rate {marker_rate} "
             f"and {frames} frames"

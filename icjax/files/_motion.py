@@ -91,9 +91,7 @@ class MotionFile:
         """Analog channels in the order of `names`, SI. **Errors**: `FileError` naming the file and the channel."""
         for name in names:
             if name not in self.analog_names:
-                raise FileError(
-                    self.path, f"has no analog channel '{name}' (it has {_some(self.analog_names)})"
-                )
+                raise FileError(self.path, f"has no analog channel '{name}' (it has {_some(self.analog_names)})")
         return self.analog[:, [self.analog_names.index(name) for name in names]]
 
 
