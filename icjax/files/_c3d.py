@@ -14,6 +14,12 @@ from icjax.files._units import analog_factor, length_factor
 OUTPUT_GROUPS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")
 """Parameters of the group POINT that list points which are no positions."""
 
+PLATE_CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
+"""Channels of the force plate types that are used; others are read with the channels they list."""
+
+CALIBRATED = (4, 5, 6, 7)
+"""Force plate types that need a calibration matrix."""
+
 
 def read_c3d(path: str | os.PathLike) -> MotionFile:
     """Read a C3D file: markers in m (gaps NaN), analog channels in N, Nm and V, force plates and events.
@@ -67,7 +73,7 @@ def read_c3d(path: str | os.PathLike) -> MotionFile:
         analog_rate=analog_rate,
         analog_time=start + np.arange(len(analog)) / analog_rate if len(analog) else np.zeros(0),
         analog=analog,
-        plates=_plates(path, parameters, analog.shape[1], factor),
+        plates=_plates(path, parameters, units, factor),
         events=_events(path, parameters),
         outputs={name: values[:, index] for index, name in enumerate(names) if name in kinds},
         output_units={
@@ -154,13 +160,13 @@ def _analog(path: Path, c3d: Any) -> tuple[tuple[str, ...], tuple[str, ...], flo
     return names, tuple(units), rate, analog, notes
 
 
-def _plates(path: Path, parameters: Any, channel_count: int, factor: float) -> tuple[ForcePlate, ...]:
+def _plates(path: Path, parameters: Any, units: tuple[str, ...], factor: float) -> tuple[ForcePlate, ...]:
     used = _numbers(parameters, "FORCE_PLATFORM", "USED")
     count = int(used[0]) if used.size else 0
-    return tuple(_plate(path, parameters, index, count, channel_count, factor) for index in range(count))
+    return tuple(_plate(path, parameters, index, count, units, factor) for index in range(count))
 
 
-def _plate(path: Path, parameters: Any, index: int, count: int, channel_count: int, factor: float) -> ForcePlate:
+def _plate(path: Path, parameters: Any, index: int, count: int, units: tuple[str, ...], factor: float) -> ForcePlate:
     def entry(name: str, rows: tuple[int, ...]) -> np.ndarray:
         value = _numbers(parameters, "FORCE_PLATFORM", name)
         size = int(np.prod(rows))
@@ -174,23 +180,19 @@ def _plate(path: Path, parameters: Any, index: int, count: int, channel_count: i
         raise FileError(path, f"force plate {index + 1} has no extent: its four corners coincide")
     stored = _numbers(parameters, "FORCE_PLATFORM", "CHANNEL")
     per_plate = stored.shape[0] if stored.ndim == 2 else stored.size // count
-    needed = {1: 6, 2: 6, 3: 8, 4: 6}.get(kind, 1)
+    needed = PLATE_CHANNELS.get(kind, per_plate)
     if per_plate < needed:
         raise FileError(path, f"force plate {index + 1} of type {kind} needs {needed} channels, has {per_plate}")
-    numbers = entry("CHANNEL", (per_plate,)).astype(int)[: max(needed, 1) if kind in (1, 2, 3, 4) else per_plate]
+    numbers = entry("CHANNEL", (per_plate,)).astype(int)[:needed]
     for number in numbers:
-        if not 1 <= number <= channel_count:
-            raise FileError(path, f"force plate {index + 1} refers to analog channel {number} of {channel_count}")
+        if not 1 <= number <= len(units):
+            raise FileError(path, f"force plate {index + 1} refers to analog channel {number} of {len(units)}")
     calibration = None
-    if kind in (4, 5, 6, 7):
-        matrix = _numbers(parameters, "FORCE_PLATFORM", "CAL_MATRIX")
-        if matrix.ndim < 2 or matrix.size < matrix.shape[0] * matrix.shape[1] * count or matrix.size == 0:
-            raise FileError(path, f"force plate {index + 1} of type {kind} has no calibration (parameter CAL_MATRIX)")
-        size = matrix.shape[0] * matrix.shape[1]
-        calibration = matrix.reshape(-1, order="F")[size * index : size * (index + 1)]
-        calibration = calibration.reshape(matrix.shape[:2], order="F")
-        if not np.any(calibration):
-            raise FileError(path, f"force plate {index + 1} of type {kind} has a calibration matrix of zeros")
+    if kind in CALIBRATED:
+        calibration = _calibration(path, parameters, index, count)
+        if kind == 4:
+            channel_factors = np.array([analog_factor(units[number - 1]) or 1.0 for number in numbers])
+            calibration = calibration * np.array([1.0] * 3 + [factor] * 3)[:, None] / channel_factors[None, :]
     return ForcePlate(
         type=kind,
         corners=corners,
@@ -198,6 +200,19 @@ def _plate(path: Path, parameters: Any, index: int, count: int, channel_count: i
         channels=tuple(int(number) - 1 for number in numbers),
         calibration=calibration,
     )
+
+
+def _calibration(path: Path, parameters: Any, index: int, count: int) -> np.ndarray:
+    matrix = _numbers(parameters, "FORCE_PLATFORM", "CAL_MATRIX")
+    rows, columns = matrix.shape[:2] if matrix.ndim >= 2 else (0, 0)
+    kind_number = int(_numbers(parameters, "FORCE_PLATFORM", "TYPE")[index])
+    kind = f"force plate {index + 1} of type {kind_number}"
+    if rows < 6 or columns < 6 or matrix.size < rows * columns * count:
+        raise FileError(path, f"{kind} has no calibration (parameter FORCE_PLATFORM:CAL_MATRIX)")
+    found = matrix.reshape(rows, columns, -1, order="F")[:, :, index]
+    if not np.all(np.isfinite(found)) or not np.any(found):
+        raise FileError(path, f"{kind} has a calibration matrix of zeros (parameter FORCE_PLATFORM:CAL_MATRIX)")
+    return found[:6, :6] if kind_number == 4 else found
 
 
 def _events(path: Path, parameters: Any) -> tuple[MotionEvent, ...]:

@@ -67,7 +67,7 @@ def write_c3d(
     if analog is not None:
         _set_analog(c3d, analog, analog_names, analog_units, analog_rate, len(markers), marker_rate)
     if plates:
-        _set_plates(parameters, plates, factor)
+        _set_plates(parameters, plates, factor, analog_units)
     if events:
         _set_events(parameters, events)
     _write(path, c3d)
@@ -129,7 +129,7 @@ def _text(values: Sequence[str]) -> dict[str, Any]:
     return {"type": -1, "description": "", "is_locked": False, "value": list(values)}
 
 
-def _set_plates(parameters: Any, plates: Sequence[ForcePlate], factor: float) -> None:
+def _set_plates(parameters: Any, plates: Sequence[ForcePlate], factor: float, units: Sequence[str]) -> None:
     group = parameters["FORCE_PLATFORM"]
     group["USED"] = _integers([len(plates)])
     group["TYPE"] = _integers([plate.type for plate in plates])
@@ -138,7 +138,14 @@ def _set_plates(parameters: Any, plates: Sequence[ForcePlate], factor: float) ->
     group["ORIGIN"] = _floats(np.stack([plate.origin / factor for plate in plates], axis=1))
     group["CHANNEL"] = _integers(np.array([plate.channels for plate in plates]).T + 1)
     if any(plate.calibration is not None for plate in plates):
-        matrices = [np.zeros((6, 6)) if plate.calibration is None else plate.calibration for plate in plates]
+        to_file = np.array([1.0] * 3 + [1.0 / factor] * 3)[:, None]
+        matrices = []
+        for plate in plates:
+            matrix = np.zeros((6, 6))
+            if plate.calibration is not None:
+                channel_factors = [analog_factor(units[channel]) or 1.0 for channel in plate.channels]
+                matrix = plate.calibration * to_file * np.array(channel_factors)[None, :]
+            matrices.append(matrix)
         group["CAL_MATRIX"] = _floats(np.stack(matrices, axis=2))
 
 

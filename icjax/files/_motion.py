@@ -29,7 +29,7 @@ class ForcePlate:
     - `corners` [4, 3]: m, world; corner 1 lies in the plate's (+x, +y) quadrant, then (-x, +y), (-x, -y), (+x, -y).
     - `origin` [3]: m, plate frame (see the plate types in the C3D manual for its sign).
     - `channels`: columns of `MotionFile.analog`.
-    - `calibration` [n, n]: type 4 only, as stored; None where the file has none.
+    - `calibration`: type 4, from the channels in SI units to N and Nm; other types as stored, None if absent.
     """
 
     type: int

@@ -36,7 +36,7 @@ ANALOG = {
     "mv": 1e-3,
     "uv": 1e-6,
 }
-"""SI units (N, Nm, V) in one unit of an analog channel, by the unit in lower case."""
+"""SI units (N, Nm, V) in one unit of an analog channel, by the unit in lower case without blanks."""
 
 
 def length_factor(unit: str) -> float | None:
@@ -45,5 +45,5 @@ def length_factor(unit: str) -> float | None:
 
 
 def analog_factor(unit: str) -> float | None:
-    """SI units in one `unit` of force, moment or voltage; None if the unit is unknown."""
-    return ANALOG.get(unit.strip().lower().replace(" ", ""))
+    """SI units in one `unit` of force, moment, voltage or length; None if the unit is unknown."""
+    return ANALOG.get(unit.strip().lower().replace(" ", ""), length_factor(unit))
