@@ -1,0 +1,12 @@
+"""Virtual capture studio: an independent MuJoCo subject that is recorded as a motion-capture laboratory would.
+
+Nothing here is shared with the estimators or the synthesis; the truth is written apart from the recording.
+"""
+
+from icjax.laboratory._dynamics import Truth as Truth
+from icjax.laboratory._instruments import Noise as Noise
+from icjax.laboratory._record import Paths as Paths
+from icjax.laboratory._record import record as record
+from icjax.laboratory._subject import Subject as Subject
+from icjax.laboratory._surface import Bump as Bump
+from icjax.laboratory._surface import Surface as Surface

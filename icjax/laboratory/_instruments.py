@@ -1,0 +1,119 @@
+"""Cameras and a force sensor: what they make of a motion."""
+
+import dataclasses
+import math
+
+import numpy as np
+
+from icjax.laboratory._dynamics import ANALOG_RATE, Motion
+from icjax.laboratory._movement import RATE, wander
+from icjax.laboratory._surface import PLATE_MARKERS
+
+
+@dataclasses.dataclass(frozen=True)
+class Noise:
+    """Errors of the instruments and restlessness of the subject, all as standard deviations unless said.
+
+    Lengths in m, forces in N, torques in Nm, angles in rad, times in s. `dropout` is the share of marker samples
+    that the cameras miss. `Noise.none()` is a perfect studio with a perfectly steady subject.
+    """
+
+    marker: float = 0.20e-3
+    marker_slow: float = 0.05e-3
+    placement: float = 0.30e-3
+    dropout: float = 0.006
+    force: float = 0.010
+    torque: float = 0.2e-3
+    bias: float = 0.10
+    drift: float = 0.010
+    tremor: float = math.radians(0.04)
+    sway: float = 0.10e-3
+    variation: float = math.radians(0.15)
+    timing: float = 0.012
+
+    def __post_init__(self):
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ValueError(f"noise: {field.name} must be finite and not negative, got {value}")
+        if self.dropout > 0.2:
+            raise ValueError(f"noise: dropout must be at most 0.2, got {self.dropout}")
+        if self.timing > 0.03:
+            raise ValueError(f"noise: timing must be at most 0.03 s, got {self.timing}")
+
+    @staticmethod
+    def none() -> "Noise":
+        """No errors at all."""
+        return Noise(**{field.name: 0.0 for field in dataclasses.fields(Noise)})
+
+
+MARKER_STEP = 0.01e-3
+"""Cameras round coordinates to this, m."""
+
+FORCE_STEP = 1.0 / 4096.0
+TORQUE_STEP = 1.0 / 65536.0
+"""The converter of the force sensor rounds to these, N and Nm."""
+
+Markers = dict[str, tuple[str, np.ndarray]]
+
+
+def place(markers: Markers, noise: Noise, generator: np.random.Generator) -> Markers:
+    """Where the markers truly sit: the nominal places with a constant error on each axis."""
+    return {
+        label: (body, position + noise.placement * generator.standard_normal(3))
+        for label, (body, position) in markers.items()
+    }
+
+
+def cameras(motion: Motion, noise: Noise, generator: np.random.Generator) -> np.ndarray:
+    """Measured markers [frame, marker, 3], m: white and slow noise, rounding, NaN where a marker is lost."""
+    markers = motion.markers + noise.marker * generator.standard_normal(motion.markers.shape)
+    frames, count, _ = markers.shape
+    for index in range(count):
+        for axis in range(3):
+            markers[:, index, axis] += wander(frames, noise.marker_slow, 0.05, 2.0, generator)
+    markers = np.round(markers / MARKER_STEP) * MARKER_STEP
+    for index, label in enumerate(motion.marker_names):
+        if label in PLATE_MARKERS:
+            continue
+        missing = generator.poisson(noise.dropout * frames / 8.5)
+        for begin in generator.integers(1, frames - 16, size=missing):
+            markers[begin : begin + generator.integers(2, 16), index] = np.nan
+    return markers
+
+
+def sensor(motion: Motion, noise: Noise, generator: np.random.Generator) -> np.ndarray:
+    """Measured analog channels [sample, 7]: Fx Fy Fz (N), Tx Ty Tz (Nm) with bias and drift, and SYNC (V)."""
+    samples = len(motion.wrench)
+    scale = np.array([1.0] * 3 + [0.02] * 3)
+    white = np.array([noise.force] * 3 + [noise.torque] * 3)
+    bias = noise.bias * scale * generator.standard_normal(6)
+    knots = np.linspace(0.0, samples - 1.0, 5)
+    drift = np.cumsum(generator.standard_normal((5, 6)), axis=0) * noise.drift * scale / 2.0
+    slow = np.stack([np.interp(np.arange(samples), knots, drift[:, axis]) for axis in range(6)], axis=1)
+    wrench = motion.wrench + bias + slow + white * generator.standard_normal((samples, 6))
+    step = np.array([FORCE_STEP] * 3 + [TORQUE_STEP] * 3)
+    wrench = np.round(wrench / step) * step
+    second = (np.arange(samples) / ANALOG_RATE) % 1.0
+    return np.column_stack([wrench, 5.0 * (second < 0.05)])
+
+
+def restless(command: np.ndarray, noise: Noise, generator: np.random.Generator) -> np.ndarray:
+    """The joint command [frame, 4] as the subject manages it: slow variation and tremor; forearm sway in front.
+
+    Returns [frame, 7]: forearm x, z (m) and pitch (rad), then the joints.
+    """
+    frames = len(command)
+    result = np.zeros((frames, 7))
+    result[:, 3:] = command
+    for axis in (0, 1):
+        result[:, axis] = wander(frames, noise.sway, 0.1, 1.5, generator)
+    for joint in range(4):
+        result[:, 3 + joint] += wander(frames, noise.variation, 0.1, 1.0, generator)
+        result[:, 3 + joint] += wander(frames, noise.tremor, 3.0, 12.0, generator)
+    return result
+
+
+def samples(duration: float) -> int:
+    """Marker frames in a recording of this length."""
+    return round(duration * RATE) + 1
