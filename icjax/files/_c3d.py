@@ -34,15 +34,15 @@ def read_c3d(path: str | os.PathLike) -> MotionFile:
     **Source**: The C3D File Format User Guide, Motion Lab Systems.
     """
     path = Path(path)
-    check_c3d(path)
+    expected = check_c3d(path)
     c3d = _open(path)
     parameters = c3d["parameters"]
     points = c3d["data"]["points"]
     header = c3d["header"]["points"]
     rate = float(header["frame_rate"])
     frames = points.shape[2]
-    if frames == 0:
-        raise FileError(path, "holds no frames")
+    if frames != expected:
+        raise FileError(path, f"is damaged: {frames} of {expected} frames could be read")
     if not (np.isfinite(rate) and rate > 0):
         raise FileError(path, f"parameter POINT:RATE is {rate}, not a frame rate")
     notes: list[str] = []
