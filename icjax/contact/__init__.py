@@ -1,0 +1,13 @@
+"""Frictional contact of one time step: friction cone, complementarity problem, forces, slip state, margin."""
+
+from icjax.contact._assemble import assemble as assemble
+from icjax.contact._cone import FrictionCone as FrictionCone
+from icjax.contact._cone import friction_cone as friction_cone
+from icjax.contact._cone import gauge as gauge
+from icjax.contact._frame import contact_frame as contact_frame
+from icjax.contact._problem import ContactForces as ContactForces
+from icjax.contact._problem import ContactProblem as ContactProblem
+from icjax.contact._solve import OPEN as OPEN
+from icjax.contact._solve import SLIDING as SLIDING
+from icjax.contact._solve import STICKING as STICKING
+from icjax.contact._solve import solve as solve
