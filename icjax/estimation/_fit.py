@@ -1,0 +1,131 @@
+"""Low-degree polynomials on either side of a contact, by least squares, with the error of their slopes.
+
+Time is s = t - onset. Coefficients are lowest degree first.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from icjax.typing import Float
+
+
+class SlopeChange(NamedTuple):
+    """Two polynomials that meet at the contact, and how much the slope changes there."""
+
+    before: np.ndarray
+    after: np.ndarray
+    change: float
+    change_se: float
+    r_squared: tuple[float, float]
+
+
+class Rise(NamedTuple):
+    """A polynomial that starts at zero at the contact, and its slope there."""
+
+    coefficients: np.ndarray
+    slope: float
+    slope_se: float
+    noise: float
+    r_squared: float
+
+
+def fit_slope_change(
+    s_before: Float[np.ndarray, " n"],
+    y_before: Float[np.ndarray, " n"],
+    s_after: Float[np.ndarray, " m"],
+    y_after: Float[np.ndarray, " m"],
+    degree: int,
+    variance: float = 0.0,
+) -> SlopeChange:
+    """One value and two sets of higher coefficients, fitted to both windows together.
+
+    `y = a_0 + sum_k a_k s^k` for s <= 0 and `y = a_0 + sum_k b_k s^k` for s > 0, so the angle is continuous at
+    contact (it cannot jump, as the torque starts from zero) and its slope is free. The change of slope is
+    `b_1 - a_1`; its variance is that of least squares with the larger of the residual variance and the stated
+    `variance` of one sample, widened for serial correlation by `fit_variance`.
+    """
+    scale = max(-s_before[0], s_after[-1])
+    powers_before = _powers(s_before / scale, degree)
+    powers_after = _powers(s_after / scale, degree)
+    design = np.block(
+        [
+            [np.ones((len(s_before), 1)), powers_before, np.zeros_like(powers_before)],
+            [np.ones((len(s_after), 1)), np.zeros_like(powers_after), powers_after],
+        ]
+    )
+    y = np.concatenate([y_before, y_after])
+    offset = y.mean()
+    solution, covariance = _least_squares(design, y - offset)
+    residual = y - offset - design @ solution
+    residual_before, residual_after = np.split(residual, [len(s_before)])
+    _, counts = fit_variance(design.shape[1], residual_before, residual_after, least=variance)
+    contrast = np.zeros(design.shape[1])
+    contrast[1], contrast[1 + degree] = -1.0, 1.0
+    units = scale ** -np.arange(1.0, degree + 1)
+    value = solution[:1] + offset
+    before = np.concatenate([value, solution[1 : 1 + degree] * units])
+    after = np.concatenate([value, solution[1 + degree :] * units])
+    error = np.sqrt(contrast @ covariance @ contrast * counts) / scale
+    quality = (_r_squared(y_before, residual_before), _r_squared(y_after, residual_after))
+    return SlopeChange(before, after, float(after[1] - before[1]), float(error), quality)
+
+
+def fit_rise(s: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"], degree: int) -> Rise:
+    """`y = sum_{k >= 1} c_k s^k`: the torque is zero at contact. The slope there is `c_1`.
+
+    `noise` is the standard deviation of one sample about the fit. Errors as in `fit_slope_change`.
+    """
+    scale = s[-1]
+    design = _powers(s / scale, degree)
+    solution, covariance = _least_squares(design, y)
+    residual = y - design @ solution
+    variance, counts = fit_variance(degree, residual)
+    error = np.sqrt(covariance[0, 0] * counts) / scale
+    coefficients = np.concatenate([[0.0], solution * scale ** -np.arange(1.0, degree + 1)])
+    return Rise(coefficients, float(coefficients[1]), float(error), float(np.sqrt(variance)), _r_squared(y, residual))
+
+
+def fit_variance(parameters: int, *residuals: np.ndarray, least: float = 0.0) -> tuple[float, float]:
+    """Variance of one sample about a fit, and the variance that counts for the fit's coefficients.
+
+    Serial correlation rho of first order widens the variance of slow trends by F = (1 + rho) / (1 - rho), and
+    the fitted coefficients, being slow trends, take F times their share of it out of the residuals: with n
+    samples and p parameters the residual sum of squares is (n - p F) sigma^2 and the lag-one correlation r of the
+    residuals satisfies r (1 - p F / n) = rho - p F / n. Both are solved for sigma^2 and rho >= 0 (p F <= 0.9 n).
+    Filtered data, and a polynomial too stiff for the data, thus count as fewer samples than there are frames.
+
+    **Returns** sigma^2 (at least `least`) and F sigma^2.
+    """
+    count = sum(len(r) for r in residuals)
+    power = sum(float(r @ r) for r in residuals)
+    if power == 0.0:
+        return least, least
+    found = sum(float(r[1:] @ r[:-1]) for r in residuals) / power
+    factor, share = 1.0, parameters / count
+    for _ in range(50):
+        share = min(parameters * factor / count, 0.9)
+        rho = min(max(found + (1.0 - found) * share, 0.0), 0.99)
+        factor = (1.0 + rho) / (1.0 - rho)
+    variance = max(power / (count * (1.0 - share)), least)
+    return variance, factor * variance
+
+
+def _powers(s: np.ndarray, degree: int) -> np.ndarray:
+    return s[:, None] ** np.arange(1, degree + 1)
+
+
+def _least_squares(design: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    orthogonal, triangular = np.linalg.qr(design)
+    solution = np.linalg.solve(triangular, orthogonal.T @ y)
+    inverse = np.linalg.inv(triangular)
+    return solution, inverse @ inverse.T
+
+
+def _r_squared(y: np.ndarray, residual: np.ndarray) -> float:
+    """1 - residual / total variation; 1 for data that do not vary and are met, 0 where they are not met."""
+    total = float(np.sum((y - y.mean()) ** 2))
+    left = float(residual @ residual)
+    if total == 0.0:
+        return 1.0 if left == 0.0 else 0.0
+    return 1.0 - left / total

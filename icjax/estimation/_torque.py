@@ -1,0 +1,86 @@
+"""Joint torque of the measured contact forces (Eq. 2)."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from icjax.model import Model, neutral, world_jacobian
+from icjax.recording import Recording
+from icjax.typing import Bool, Float, Real
+
+
+def joint_torque(recording: Recording) -> Float[Real, "time dof"]:
+    """Torque of the contact forces at every joint and frame, `tau = sum_i J_i^T f_i` (+ free moments).
+
+    **Arguments**
+
+    - `recording`: forces on the subject (N), free moments (Nm) and contact points (m), world axes. A contact
+      counts where `touching`; elsewhere its force, point and moment are ignored, NaN or not.
+
+    **Returns** `[time, dof]`, Nm (N for a slide; the root's columns are the wrench on a free root). Zero where
+    nothing touches, NaN where something touches and the pose or the contact is unknown.
+
+    **Errors**: `ValueError` for a contact that names neither a body nor a pad of the model.
+
+    Source: Kry and Pai 2006, Eq. 2 and 4; inertia and gravity are left out, see their section 4.3.
+    """
+    bodies = tuple(body_index(recording.model, name) for name in recording.contact_bodies)
+    return _all_frames(
+        recording.model,
+        bodies,
+        recording.q,
+        recording.contact_force,
+        recording.contact_point,
+        recording.contact_moment,
+        recording.touching,
+    )
+
+
+def contact_torque(
+    model: Model,
+    bodies: tuple[int, ...],
+    q: Float[Real, " coordinate"],
+    force: Float[Real, "contact 3"],
+    point: Float[Real, "contact 3"],
+    moment: Float[Real, "contact 3"],
+    touching: Bool[Real, " contact"],
+) -> Float[Real, " dof"]:
+    """`tau = sum_i S_i J^T Gamma(r_i)^T f_i + S_i J^T (m_i, 0)` of one frame, as in `joint_torque`.
+
+    **Arguments**
+
+    - `bodies`: index of the body that each contact touches.
+    - `q`: coordinates of the model.
+    - `force` (N), `point` (m), `moment` (free, Nm): of each contact, world axes.
+    - `touching`: which contacts count.
+
+    **Returns** `[dof]`, Nm.
+    """
+    on = jnp.asarray(touching)[:, None]
+    # Sanitised before use, so that NaN where nothing touches reaches neither the value nor a derivative.
+    force, point, moment = (jnp.where(on, value, 0.0) for value in (force, point, moment))
+    known = jnp.all(jnp.isfinite(q))
+    jacobian = world_jacobian(model, jnp.where(known, q, neutral(model)))
+    wrench = jnp.concatenate([jnp.cross(point, force) + moment, force], axis=1)
+    paths = jnp.asarray(model.path_mask[np.asarray(bodies, dtype=int)], dtype=jacobian.dtype)
+    torque = jnp.sum(paths * (wrench @ jacobian), axis=0)
+    return jnp.where(known | ~jnp.any(on), torque, jnp.nan)
+
+
+@eqx.filter_jit
+def _all_frames(model, bodies, q, force, point, moment, touching):
+    def frame(*columns):
+        return contact_torque(model, bodies, *columns)
+
+    return jax.vmap(frame)(q, force, point, moment, touching)
+
+
+def body_index(model: Model, name: str) -> int:
+    """Body of that name, or the one that carries the pad of that name."""
+    if name in model.body_names:
+        return model.body(name)
+    if name in model.pad_names:
+        return model.pad_bodies[model.pad(name)]
+    known = ", ".join((*model.body_names, *model.pad_names))
+    raise ValueError(f"contact_bodies: {name!r} is neither a body nor a pad of the model; it has {known}")
