@@ -1,4 +1,4 @@
-"""What a motion file holds: markers, analog channels, force plates and events on one time axis, in SI units."""
+"""What a motion file holds: markers, analog channels, force plates and events, in SI units on one clock."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -26,7 +26,7 @@ class ForcePlate:
 
     - `type`: C3D plate type. 1: Fx Fy Fz, centre of pressure x y, free moment. 2: Fx Fy Fz Mx My Mz.
       3: eight piezoelectric channels. 4: as 2, through a calibration matrix.
-    - `corners` [4, 3]: m, world; corner 1 lies in the plate's (+x, +y) quadrant, then (-x, +y), (-x, -y), (+x, -y).
+    - `corners` [4, 3]: m, world; in the plate's quadrants (+x, +y), (-x, +y), (-x, -y), (+x, -y).
     - `origin` [3]: m, plate frame (see the plate types in the C3D manual for its sign).
     - `channels`: columns of `MotionFile.analog`.
     - `calibration`: type 4, from the channels in SI units to N and Nm; other types as stored, None if absent.
@@ -45,8 +45,8 @@ class MotionFile:
 
     **The time axis.** Markers, analog samples and events share it. Frame numbers count from the start of the
     laboratory's capture, so frame i of a file whose first frame (counted from zero) is f has the time
-    (f + i) / marker_rate, and the first analog sample has the time of the first frame. Event times of C3D files
-    are on this axis as stored: they include the first-frame offset.
+    (f + i) / marker_rate, and the first analog sample has the time of the first frame. Event times of C3D
+    files are on this axis as stored: they include the first-frame offset.
 
     **Fields**
 
@@ -88,7 +88,7 @@ class MotionFile:
         return self.markers[:, self.marker_names.index(name)]
 
     def channels(self, names: tuple[str, ...] | list[str]) -> Float[np.ndarray, "sample channel"]:
-        """Analog channels in the order of `names`, SI. **Errors**: `FileError` naming the file and the channel."""
+        """Analog channels in the order of `names`, SI. **Errors**: `FileError` naming file and channel."""
         for name in names:
             if name not in self.analog_names:
                 raise FileError(self.path, f"has no analog channel '{name}' (it has {_some(self.analog_names)})")
@@ -101,7 +101,7 @@ def no_markers() -> tuple[tuple[str, ...], float, np.ndarray, np.ndarray, str]:
 
 
 def unique_labels(labels: list[str], kind: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Labels without blanks at the ends; a repeated or empty one gets its number. Returns labels and notes."""
+    """Labels without blanks at the ends; a repeated or empty one gets a number. Returns labels and notes."""
     seen: dict[str, int] = {}
     result, notes = [], []
     for index, label in enumerate(item.strip() for item in labels):
