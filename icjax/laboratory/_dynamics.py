@@ -10,6 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline
 
 from icjax.laboratory._apparatus import DRIVEN, TIMESTEP, build
+from icjax.laboratory._fingertip import Fingertip
 from icjax.laboratory._movement import RATE
 from icjax.laboratory._subject import JOINTS, Subject
 from icjax.laboratory._surface import Surface
@@ -74,13 +75,23 @@ def simulate(subject: Subject, surface: Surface, command: np.ndarray, markers: M
     the plate, in its own axes, about its own point, together with the weight and inertia of the plate above it.
     """
     model = build(subject, surface, markers)
-    away = build(subject, dataclasses.replace(surface, lowered=surface.lowered + 1.0), markers)
     force = _applied(model, command)
-    touching, sensed = _run(model, command, force)
-    free, _ = _run(away, command, force)
-    truth = _truth(model, subject, surface, command, touching[::FRAME], free[::FRAME], sensed[::FRAME])
-    positions, names = _positions(model, touching[::FRAME])
-    return Motion(truth=truth, marker_names=names, markers=positions, wrench=-sensed[::SAMPLE, :6])
+    free = _run_free(model, command, force)
+    touching = _run_touching(model, subject, surface, command, force) if surface.lowered == 0.0 else free
+    positions, names = _positions(model, touching.q[::FRAME])
+    wrench = -touching.sensed[::SAMPLE]
+    truth = _truth(model, subject, surface, command, touching, free.q[::FRAME])
+    return Motion(truth=truth, marker_names=names, markers=positions, wrench=wrench)
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """State and readings before every step: coordinates, sensor [6], force on the finger and its point [3]."""
+
+    q: np.ndarray
+    sensed: np.ndarray
+    contact: np.ndarray
+    point: np.ndarray
 
 
 def _applied(model: mujoco.MjModel, command: np.ndarray) -> np.ndarray:
@@ -90,7 +101,6 @@ def _applied(model: mujoco.MjModel, command: np.ndarray) -> np.ndarray:
     position, velocity, acceleration = (spline(knots, order) for order in range(3))
     address = _driven(model)
     data = mujoco.MjData(model)
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     wanted = np.empty_like(command)
     for frame in range(len(command)):
         data.qpos[address] = position[frame]
@@ -98,19 +108,23 @@ def _applied(model: mujoco.MjModel, command: np.ndarray) -> np.ndarray:
         data.qacc[address] = acceleration[frame]
         mujoco.mj_inverse(model, data)
         wanted[frame] = data.qfrc_inverse[address]
-    model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     time = np.minimum(np.arange(FRAME * len(command)) * TIMESTEP, knots[-1])
     force = np.zeros((len(time), model.nv))
     force[:, address] = CubicSpline(knots, wanted)(time)
     return force
 
 
-def _run(model: mujoco.MjModel, command: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Generalised positions and sensor readings before every step, both [step, ...] and at the same times."""
+def _start(model: mujoco.MjModel, command: np.ndarray) -> mujoco.MjData:
     data = mujoco.MjData(model)
     address = _driven(model)
     data.qpos[address] = command[0]
     data.qvel[address] = (command[1] - command[0]) * RATE
+    return data
+
+
+def _run_free(model: mujoco.MjModel, command: np.ndarray, force: np.ndarray) -> Run:
+    """Without anything to touch: one call into MuJoCo."""
+    data = _start(model, command)
     full = mujoco.mjtState.mjSTATE_FULLPHYSICS
     initial = np.zeros(mujoco.mj_stateSize(model, full))
     mujoco.mj_getState(model, data, initial, full)
@@ -118,7 +132,37 @@ def _run(model: mujoco.MjModel, command: np.ndarray, force: np.ndarray) -> tuple
         model, data, initial[None], force[None], control_spec=int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
     )
     states = np.concatenate([initial[None], states[0, :-1]])
-    return states[:, 1 : 1 + model.nq], sensed[0]
+    nothing = np.zeros((len(force), 3))
+    return Run(q=states[:, 1 : 1 + model.nq], sensed=sensed[0], contact=nothing, point=nothing)
+
+
+def _run_touching(
+    model: mujoco.MjModel, subject: Subject, surface: Surface, command: np.ndarray, force: np.ndarray
+) -> Run:
+    """With the plate: the force of the fingertip acts on the distal phalanx, its reaction on the plate."""
+    data = _start(model, command)
+    tip = Fingertip(subject, surface)
+    distal, plate, pad = model.body("distal").id, model.body("plate").id, model.site("pad").id
+    pad_at, plate_at = data.site_xpos[pad], data.xpos[plate]
+    push, reaction = data.xfrc_applied[distal], data.xfrc_applied[plate]
+    distal_com, plate_com = data.xipos[distal], data.xipos[plate]
+    q, sensed = np.empty((len(force), model.nq)), np.empty((len(force), model.nsensordata))
+    contact, point = np.zeros((len(force), 3)), np.zeros((len(force), 3))
+    for step in range(len(force)):
+        mujoco.mj_step1(model, data)
+        data.qfrc_applied[:] = force[step]
+        plate_x, plate_z = plate_at[0], plate_at[2]
+        fx, fz, x, z = tip.touch(float(pad_at[0] - plate_x), float(pad_at[2] - plate_z), TIMESTEP)
+        if fz != 0.0 or contact[step - 1, 2] != 0.0:
+            x, z = x + plate_x, z + plate_z
+            push[:] = (fx, 0.0, fz, 0.0, (z - distal_com[2]) * fx - (x - distal_com[0]) * fz, 0.0)
+            reaction[:] = (-fx, 0.0, -fz, 0.0, (x - plate_com[0]) * fz - (z - plate_com[2]) * fx, 0.0)
+            contact[step] = fx, 0.0, fz
+            point[step] = x, 0.0, z
+        q[step] = data.qpos
+        mujoco.mj_step2(model, data)
+        sensed[step] = data.sensordata
+    return Run(q=q, sensed=sensed, contact=contact, point=point)
 
 
 def _driven(model: mujoco.MjModel) -> list[int]:
@@ -131,26 +175,26 @@ def _truth(
     subject: Subject,
     surface: Surface,
     command: np.ndarray,
-    touching: np.ndarray,
+    run: Run,
     free: np.ndarray,
-    sensed: np.ndarray,
 ) -> Truth:
     frames = len(command)
     driven = _driven(model)
-    force, point = sensed[:, 6:9], sensed[:, 9:12]
-    tau = np.zeros((frames, len(JOINTS)))
-    pad = np.zeros((frames, 3))
+    touching, force, point = run.q[::FRAME], run.contact[::FRAME], run.point[::FRAME]
     bone = np.zeros((frames, 3))
     data = mujoco.MjData(model)
     hinges = [model.joint(name).id for name in JOINTS]
-    distal, tip = model.body("distal").id, model.geom("pad").id
+    tip = model.site("pad").id
+    anchors = np.zeros((frames, len(JOINTS), 3))
+    axes = np.zeros((frames, len(JOINTS), 3))
     for frame in range(frames):
         data.qpos[:] = touching[frame]
         mujoco.mj_kinematics(model, data)
-        pad[frame] = data.geom_xpos[tip]
-        bone[frame] = data.xpos[distal] + data.xmat[distal].reshape(3, 3) @ subject.pad_offset
-        arm = point[frame] - data.xanchor[hinges]
-        tau[frame] = np.sum(data.xaxis[hinges] * np.cross(arm, force[frame]), axis=1)
+        bone[frame] = data.site_xpos[tip]
+        anchors[frame] = data.xanchor[hinges]
+        axes[frame] = data.xaxis[hinges]
+    moment = np.cross(point[:, None, :] - anchors, force[:, None, :])
+    tau = np.sum(axes * moment, axis=2)
     return Truth(
         t=np.arange(frames) / RATE,
         command=command,
@@ -158,7 +202,7 @@ def _truth(
         theta_free=free[:, driven[3:]],
         tau=tau,
         f_contact=force,
-        pad=pad,
+        pad=bone + force / subject.pad_stiffness,
         bone=bone,
         root=touching[:, driven[:3]],
         C=np.asarray(subject.compliance),
@@ -170,7 +214,7 @@ def _truth(
 
 def _positions(model: mujoco.MjModel, states: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     data = mujoco.MjData(model)
-    sites = [index for index in range(model.nsite) if model.site(index).name != "sensor"]
+    sites = [index for index in range(model.nsite) if model.site(index).name not in ("sensor", "pad")]
     names = tuple(model.site(index).name for index in sites)
     result = np.empty((len(states), len(sites), 3))
     for frame, state in enumerate(states):

@@ -41,19 +41,21 @@ class Touch:
 def plan(subject: Subject, surface: Surface, kinds: tuple[str, ...], generator: np.random.Generator) -> list[Touch]:
     """Choose forces, speeds and places of a trial's contacts.
 
-    The reference goes below the plate by force / stiffness, with the vertical stiffness of a fingertip that
-    sticks, so that the force at rest is about the chosen one.
+    The reference goes below the plate by force times the vertical compliance of a fingertip that sticks (tap) or
+    is pulled over the plate (stroke), so that the force once settled is about the chosen one.
 
     **Errors**: `ValueError` where the plate or the depth is out of reach.
     """
-    stiffness = float(subject.endpoint_stiffness(np.asarray(POSTURE))[1, 1])
+    compliance = subject.endpoint_compliance(np.asarray(POSTURE))
+    resting = 1.0 / np.linalg.inv(compliance)[1, 1]
+    sliding = compliance[1, 1] + min(surface.friction, 1.0) * compliance[1, 0]
     touches = []
     start = QUIET
     for kind in kinds:
-        force = generator.uniform(0.7, 1.3) if kind == "tap" else generator.uniform(0.6, 1.1)
+        force = generator.uniform(0.7, 1.3) if kind == "tap" else generator.uniform(0.45, 0.7)
         hover = generator.uniform(0.016, 0.022)
         speed = generator.uniform(0.07, 0.12)
-        depth = force / stiffness
+        depth = float(force * (resting if kind == "tap" else sliding))
         length = generator.uniform(0.024, 0.034) if kind == "stroke" else 0.0
         x_from = generator.uniform(0.004, 0.010) if kind == "stroke" else generator.uniform(-0.006, 0.006)
         touch = Touch(

@@ -62,7 +62,7 @@ class Subject:
     @property
     def pad_offset(self) -> np.ndarray:
         """Centre of the fingertip sphere in the distal frame, m."""
-        return np.array([self.lengths[3] - 0.0022, 0.0, -0.001])
+        return np.array([self.lengths[3] - 0.003, 0.0, -0.001])
 
     def pad_position(self, theta: np.ndarray) -> np.ndarray:
         """Pad centre (x, z) in the forearm frame for angles `theta` (..., 4); the forearm frame is at the wrist."""
@@ -86,11 +86,10 @@ class Subject:
         steps = self.lengths[:3, None] * np.stack([np.cos(pitch), -np.sin(pitch)], axis=1)
         return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
 
-    def endpoint_stiffness(self, theta: np.ndarray) -> np.ndarray:
-        """Static stiffness (x, z; N/m) that a push on the fingertip meets: (J C J^T + C_pad)^-1."""
+    def endpoint_compliance(self, theta: np.ndarray) -> np.ndarray:
+        """Static compliance (x, z; m/N) that a push on the fingertip meets: J C J^T + C_pad."""
         jacobian = self.pad_jacobian(theta)
-        compliance = (jacobian * np.asarray(self.compliance)) @ jacobian.T + np.eye(2) / self.pad_stiffness
-        return np.linalg.inv(compliance)
+        return (jacobian * np.asarray(self.compliance)) @ jacobian.T + np.eye(2) / self.pad_stiffness
 
     def markers(self) -> dict[str, tuple[str, np.ndarray]]:
         """Nominal marker positions: label -> (body, position in the frame of the body, m)."""

@@ -16,6 +16,8 @@ class Bump:
     def __post_init__(self):
         if not all(math.isfinite(value) for value in self.centre):
             raise ValueError(f"centre of the bump must be finite, got {self.centre}")
+        if self.centre[1] != 0.0:
+            raise ValueError(f"centre of the bump must lie in the plane y = 0 of the finger, got {self.centre}")
         if not all(1e-4 <= value <= 0.2 for value in self.radii):
             raise ValueError(f"radii of the bump must be between 0.0001 and 0.2 m, got {self.radii}")
 
