@@ -42,12 +42,14 @@ def inverse_dynamics(
 
     Every body's twist V_b = J S_b v and acceleration A_b = J S_b a + dJ/dt S_b v give its wrench by Eq. 3, which the
     twists project on the joints. A column of J is constant in the frame that carries it, hence dJ_j/dt = [V] J_j
-    with V the twist of that frame. Armature adds its own inertia; joint springs and dampers are not included.
+    with V the twist of that frame. Armature adds its own inertia, on a free joint as if it moved with the body; joint
+    springs and dampers are not included.
 
     **Arguments**: `q` coordinates; `v` velocity; `a` its time derivative, component by component (for a free joint
     the derivative of the body twist, the phidot of Eq. 3).
     **Returns**: `[nv]`, Nm and N. Source: Kry and Pai 2006, Eq. 3; Featherstone 2008, Section 5.3.
     """
+    q, v, a = jnp.asarray(q), jnp.asarray(v), jnp.asarray(a)
     topology = tree(model)
     state = frames(model, q)
     moving = topology.body_mask.astype(state.twists.dtype)
@@ -58,7 +60,7 @@ def inverse_dynamics(
     A = (moving * a[None, :]) @ state.twists + (moving * v[None, :]) @ twist_rate
     A = A - jnp.concatenate([jnp.zeros(3), jnp.asarray(model.gravity)])[None, :]
     wrench = jax.vmap(newton_euler)(_world_inertias(model, state), V, A)
-    return _project(state, moving, wrench) + jnp.asarray(model.armature) * a
+    return _project(state, moving, wrench) + _armature_torque(model, v, a)
 
 
 def gravity_torque(model: Model, q: Float[Real, " nq"]) -> Float[Real, " nv"]:
@@ -85,6 +87,14 @@ def _world_inertias(model: Model, state: Frames) -> Float[Real, "body 6 6"]:
     bodies = state.poses[tree(model).body_frame]
     parts = (jnp.asarray(model.body_mass), jnp.asarray(model.body_com), jnp.asarray(model.body_inertia))
     return jax.vmap(moved)(bodies, *parts)
+
+
+def _armature_torque(model: Model, v: Real, a: Real) -> Float[Real, " nv"]:
+    """Armature times acceleration; the velocity of a free joint turns with the body, so there it is a_v + w x v."""
+    for kind, dofs in zip(model.joint_types, model.dof_slices, strict=True):
+        if kind == "free":
+            a = a.at[dofs.start + 3 : dofs.stop].add(jnp.cross(v[dofs][:3], v[dofs][3:]))
+    return jnp.asarray(model.armature) * a
 
 
 def _project(state: Frames, mask: Real, wrench: Float[Real, "body 6"]) -> Float[Real, " dof"]:

@@ -1,7 +1,7 @@
 """Forward kinematics and Jacobians (Section 6.1): one tree recursion, everything else by path masks."""
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -11,6 +11,9 @@ from icjax.model._model import Model
 from icjax.model._tree import Tree, tree
 from icjax.spatial import Pose, quaternion_to_rotation, rotation_exp
 from icjax.typing import Float, Int, Real, Vector3
+
+Index: TypeAlias = int | np.integer | Int[Real, ""]
+"""Number of a body, known or traced."""
 
 
 class Frames(NamedTuple):
@@ -77,7 +80,7 @@ def body_jacobian(model: Model, q: Float[Real, " nq"], body: int) -> Float[Real,
     return jnp.where(np.broadcast_to(mask, J.shape), J, 0.0)
 
 
-def point_jacobian(model: Model, q: Float[Real, " nq"], body: int | Int[Real, ""], p_W: Vector3) -> Float[Real, "3 nv"]:
+def point_jacobian(model: Model, q: Float[Real, " nq"], body: Index, p_W: Vector3) -> Float[Real, "3 nv"]:
     """Jacobian of the velocity of a point that moves with a body: J_i = Gamma(p) J S_i; torques are J_i^T f.
 
     **Arguments**: `body` index; `p_W` the point in world coordinates, m. **Returns**: `[3, nv]`, m/s per unit of

@@ -1,5 +1,7 @@
 """Poses: a rotation and a position, the 4 x 4 matrix E of the paper kept as its two parts."""
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 
@@ -27,7 +29,7 @@ class Pose(eqx.Module):
     def __matmul__(self, other: "Pose") -> "Pose":
         return Pose(self.rotation @ other.rotation, self.rotation @ other.position + self.position)
 
-    def __getitem__(self, index: int | slice | Real | tuple) -> "Pose":
+    def __getitem__(self, index: Any) -> "Pose":
         return Pose(self.rotation[index], self.position[index])
 
     def inverse(self) -> "Pose":

@@ -48,7 +48,7 @@ def spatial_cross(phi: Vector6) -> Matrix6:
     return jnp.block([[W, jnp.zeros_like(W)], [V, W]])
 
 
-def spatial_inertia(mass: Scalar, com: Vector3, inertia_about_com: Matrix3) -> Matrix6:
+def spatial_inertia(mass: Scalar | float, com: Vector3, inertia_about_com: Matrix3) -> Matrix6:
     """Inertia matrix M of a rigid body about the frame's origin: momentum = M phi.
 
     M = [[I_c + m [c] [c]^T, m [c]], [m [c]^T, m I]].
