@@ -1,0 +1,161 @@
+"""Long scans in pieces: progress, cancellation, checkpoint and resume, one trace."""
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+
+class Run(NamedTuple):
+    """What a run returns.
+
+    **Fields**: `carry` after the last step taken; `outputs` of the steps taken, stacked; `steps` taken, fewer than
+    asked only after cancellation.
+    """
+
+    carry: Any
+    outputs: Any
+    steps: int
+
+
+def run(
+    step: Callable[[Any, Any], tuple[Any, Any]],
+    carry: Any,
+    inputs: Any,
+    *,
+    chunk: int = 500,
+    progress: Callable[[float], Any] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+    checkpoint: str | os.PathLike | None = None,
+) -> Run:
+    """Scan `step` over the leading axis of `inputs`, `carry, output = step(carry, input)`.
+
+    Without the three options it is one `lax.scan` and can be used inside any transformation. With one of them the
+    scan is cut into chunks of equal length (the last one padded, its padding skipped), so that `step` is still
+    traced once. Give `step` as an `eqx.Module` with a `__call__` and later runs of the same shapes reuse the
+    compiled chunk.
+
+    **Arguments**
+
+    - `step`, `carry`, `inputs`: as for `jax.lax.scan`.
+    - `chunk`: steps between two reports.
+    - `progress`: called with the fraction done, 0 to 1, after each chunk.
+    - `cancelled`: asked before each chunk; the run ends early when it says True.
+    - `checkpoint`: file written after each chunk (complete or not at all), resumed from where it exists and belongs
+      to the same initial carry and inputs, and removed when the run is complete.
+
+    **Errors**: `ValueError` for inputs of unequal length, a chunk below one, or a checkpoint of another run.
+    """
+    lengths = {np.shape(leaf)[0] if np.ndim(leaf) else None for leaf in jax.tree.leaves(inputs)}
+    if len(lengths) != 1 or None in lengths:
+        raise ValueError(f"inputs must share one leading axis; their lengths are {sorted(lengths, key=str)}")
+    if chunk < 1:
+        raise ValueError(f"chunk must be at least 1; got {chunk}")
+    total = lengths.pop()
+    if progress is None and cancelled is None and checkpoint is None:
+        carry, outputs = _whole(step, carry, inputs)
+        return Run(carry, outputs, total)
+
+    carry = jax.tree.map(jnp.asarray, carry)
+    pieces: list[Any] = []
+    done = 0
+    identity = None if checkpoint is None else _identity(carry, inputs)
+    if checkpoint is not None and Path(checkpoint).is_file():
+        carry, piece, done = _resume(Path(checkpoint), identity, step, carry, inputs)
+        pieces.append(piece)
+    while done < total and not (cancelled is not None and cancelled()):
+        count = min(chunk, total - done)
+        piece = jax.tree.map(lambda leaf, a=done, n=count: _padded(leaf[a : a + n], chunk), inputs)
+        carry, outputs = _chunk(step, carry, piece, jnp.arange(chunk) < count)
+        pieces.append(jax.tree.map(lambda leaf, n=count: leaf[:n], outputs))
+        done += count
+        if checkpoint is not None:
+            pieces = [_joined(pieces)]
+            _save(Path(checkpoint), identity, carry, pieces[0], done)
+        if progress is not None:
+            jax.block_until_ready(carry)
+            progress(done / total)
+    if checkpoint is not None and done == total:
+        Path(checkpoint).unlink(missing_ok=True)
+    if not pieces:
+        pieces = [_empty(step, carry, inputs)]
+    return Run(carry, _joined(pieces), done)
+
+
+@eqx.filter_jit
+def _whole(step, carry, inputs):
+    return jax.lax.scan(lambda c, x: step(c, x), carry, inputs)
+
+
+@eqx.filter_jit
+def _chunk(step, carry, inputs, wanted):
+    def guarded(carry, item):
+        want, x = item
+        shapes = jax.eval_shape(lambda: step(carry, x)[1])
+        skipped = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
+        return jax.lax.cond(want, lambda: step(carry, x), lambda: (carry, skipped))
+
+    return jax.lax.scan(guarded, carry, (wanted, inputs))
+
+
+def _padded(leaf, length):
+    """Repeat the last row up to the length of a chunk."""
+    leaf = jnp.asarray(leaf)
+    missing = length - leaf.shape[0]
+    return jnp.concatenate([leaf, jnp.repeat(leaf[-1:], missing, axis=0)]) if missing else leaf
+
+
+def _joined(pieces):
+    return pieces[0] if len(pieces) == 1 else jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *pieces)
+
+
+def _empty(step, carry, inputs, rows=0):
+    """Outputs of `rows` steps, as zeros of the right shapes."""
+    first = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(np.shape(leaf)[1:], jnp.result_type(leaf)), inputs)
+    shapes = eqx.filter_eval_shape(lambda c, x: step(c, x)[1], carry, first)
+    return jax.tree.map(lambda leaf: jnp.zeros((rows, *leaf.shape), leaf.dtype), shapes)
+
+
+def _identity(carry, inputs):
+    """Fingerprint of the run, so that a checkpoint is never resumed with other inputs."""
+    digest = hashlib.sha256()
+    for leaf in jax.tree.leaves((carry, inputs)):
+        array = np.asarray(leaf)
+        digest.update(f"{array.shape} {array.dtype}".encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return np.frombuffer(digest.digest(), np.uint8)
+
+
+def _save(path, identity, carry, outputs, done):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            np.save(file, identity)
+            np.save(file, np.int64(done))
+            eqx.tree_serialise_leaves(file, (carry, outputs))
+        os.replace(temporary, path)
+    finally:
+        Path(temporary).unlink(missing_ok=True)
+
+
+def _resume(path, identity, step, carry, inputs):
+    try:
+        with path.open("rb") as file:
+            same = np.array_equal(np.load(file), identity)
+            done = int(np.load(file)) if same else 0
+            if same:
+                like = (carry, _empty(step, carry, inputs, done))
+                carry, outputs = eqx.tree_deserialise_leaves(file, like)
+    except (OSError, ValueError, EOFError, RuntimeError) as error:
+        raise ValueError(f"checkpoint {path} cannot be read: {error}; remove it to start anew") from error
+    if not same:
+        raise ValueError(f"checkpoint {path} belongs to a run with other inputs; remove it to start anew")
+    return carry, outputs, done

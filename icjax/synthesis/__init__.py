@@ -1,0 +1,18 @@
+"""Interaction synthesis: an interaction, a scene, one contact problem a time step (Section 7)."""
+
+from icjax.synthesis._bodies import Admittance as Admittance
+from icjax.synthesis._bodies import QuasiStaticHand as QuasiStaticHand
+from icjax.synthesis._bodies import Target as Target
+from icjax.synthesis._contacts import Contacts as Contacts
+from icjax.synthesis._contacts import find_contacts as find_contacts
+from icjax.synthesis._contacts import slot_names as slot_names
+from icjax.synthesis._read_scene import read_scene as read_scene
+from icjax.synthesis._scene import Scene as Scene
+from icjax.synthesis._scene import Surface as Surface
+from icjax.synthesis._stepper import State as State
+from icjax.synthesis._stepper import StepInfo as StepInfo
+from icjax.synthesis._stepper import init as init
+from icjax.synthesis._stepper import rollout as rollout
+from icjax.synthesis._stepper import step as step
+from icjax.synthesis._transfer import resample as resample
+from icjax.synthesis._transfer import transfer as transfer

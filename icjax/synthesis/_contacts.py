@@ -1,0 +1,54 @@
+"""Contact slots: every pad against every surface, where they are closest at one configuration."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from icjax.model import Model, forward_kinematics, pad_positions, point_jacobian
+from icjax.synthesis._scene import Scene
+from icjax.typing import Float, Real
+
+
+class Contacts(eqx.Module):
+    """Geometry of all slots at one configuration; the slot of a pad and a surface never moves.
+
+    **Fields**
+
+    - `point`: contact point r_i of the undeformed pad, its centre minus radius times normal, world, m.
+    - `normal`: outward unit normal of the surface, towards the pad, world.
+    - `gap`: s_i0 between the undeformed pad and the surface, negative in penetration, m.
+    - `jacobian`: J_i of the contact point (Eq. 4).
+    - `rotation`: of the body that carries the pad, to world.
+    """
+
+    point: Float[Real, "slot 3"]
+    normal: Float[Real, "slot 3"]
+    gap: Float[Real, " slot"]
+    jacobian: Float[Real, "slot 3 nv"]
+    rotation: Float[Real, "slot 3 3"]
+
+
+def slot_names(model: Model, scene: Scene) -> tuple[str, ...]:
+    """Names of the contact slots, `pad/surface`: the surfaces of the first pad, of the second, and so on."""
+    return tuple(f"{pad}/{surface.name}" for pad in model.pad_names for surface in scene.surfaces)
+
+
+def slot_pads(model: Model, scene: Scene) -> np.ndarray:
+    """Index of the pad of each slot."""
+    return np.repeat(np.arange(len(model.pad_names)), len(scene.surfaces))
+
+
+def find_contacts(model: Model, scene: Scene, q: Float[Real, " nq"]) -> Contacts:
+    """Closest points of all pads and surfaces at configuration `q` (Section 7.1.3, last step)."""
+    centres = pad_positions(model, q)
+    pads = slot_pads(model, scene)
+    bodies = np.asarray(model.pad_bodies, int)[pads]
+    radius = jnp.asarray(model.pad_radius)[pads]
+    each = [surface.shape for surface in scene.surfaces]
+    distance = jnp.stack([jax.vmap(shape.signed_distance)(centres) for shape in each], axis=1).reshape(-1)
+    normal = jnp.stack([jax.vmap(shape.normal)(centres) for shape in each], axis=1).reshape(-1, 3)
+    point = centres[pads] - radius[:, None] * normal
+    jacobian = jax.vmap(lambda body, p: point_jacobian(model, q, body, p))(jnp.asarray(bodies), point)
+    rotation = forward_kinematics(model, q).rotation[bodies]
+    return Contacts(point=point, normal=normal, gap=distance - radius, jacobian=jacobian, rotation=rotation)

@@ -1,0 +1,78 @@
+"""The environment: named surfaces with friction, and how finely to step."""
+
+import json
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from icjax.geometry import Ellipsoid, Plane
+from icjax.typing import Float, Real
+
+
+class Surface(eqx.Module):
+    """A fixed surface.
+
+    **Fields**: `name`; `shape` with `signed_distance`, `closest_point` and `normal`; `friction` its Coulomb
+    coefficient with the pads.
+    """
+
+    name: str = eqx.field(static=True)
+    shape: Plane | Ellipsoid
+    friction: Float[Real, ""] = eqx.field(converter=lambda value: jnp.asarray(value, float))
+
+
+class Scene(eqx.Module):
+    """Surfaces that the pads of a model may touch, every pad every surface.
+
+    A bump on a plate is two surfaces, a plane and an ellipsoid.
+
+    **Fields**: `name`; `surfaces`; `facets` the number m of tangent pairs of the friction cone (2m facets);
+    `step` the time step h, s.
+
+    **Errors**: `ValueError` for no surface, two of one name, fewer than two facets, or a step that is not positive.
+    """
+
+    name: str = eqx.field(static=True)
+    surfaces: tuple[Surface, ...]
+    facets: int = eqx.field(static=True, default=4)
+    step: float = eqx.field(static=True, default=0.002)
+
+    def __check_init__(self):
+        names = [surface.name for surface in self.surfaces]
+        if not names:
+            raise ValueError("surfaces is empty; a scene needs at least one")
+        if len(set(names)) != len(names):
+            raise ValueError(f"surfaces have one name twice: {', '.join(names)}")
+        if self.facets < 2:
+            raise ValueError(f"facets must be at least 2 (pairs of tangents); got {self.facets}")
+        if not (self.step > 0 and np.isfinite(self.step)):
+            raise ValueError(f"step must be a positive time in seconds; got {self.step}")
+
+    def describe(self) -> str:
+        """JSON text with every number of the scene, as kept in a rollout."""
+        return json.dumps(
+            {
+                "name": self.name,
+                "step": self.step,
+                "facets": self.facets,
+                "surfaces": [
+                    {"name": item.name, "friction": float(item.friction), **_numbers(item.shape)}
+                    for item in self.surfaces
+                ],
+            }
+        )
+
+
+def _numbers(shape: Plane | Ellipsoid) -> dict:
+    def listed(array):
+        return np.asarray(array, float).tolist()
+
+    if isinstance(shape, Plane):
+        return {"shape": "plane", "point": listed(shape.point), "normal": listed(shape.normal(shape.point))}
+    return {
+        "shape": "ellipsoid",
+        "centre": listed(shape.centre),
+        "rotation": listed(shape.rotation),
+        "radii": listed(shape.radii),
+    }

@@ -1,0 +1,90 @@
+"""From an interaction to what it does on another surface."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from icjax.interaction import Interaction
+from icjax.model import Model, difference, integrate
+from icjax.rollout import Rollout
+from icjax.synthesis._bodies import Target
+from icjax.synthesis._contacts import slot_names
+from icjax.synthesis._scene import Scene
+from icjax.synthesis._stepper import rollout
+from icjax.typing import Float, Real
+
+
+def resample(
+    model: Model,
+    time: Float[Real, " sample"],
+    targets: Target,
+    at: Float[Real, " time"],
+) -> Target:
+    """Interaction trajectory at other times.
+
+    Coordinates move between samples along q = integrate(q_0, s difference(q_0, q_1)), 0 <= s <= 1, which is linear
+    for hinges and slides and keeps quaternions at unit length; compliance is linear. Beyond the ends it stays.
+
+    **Arguments**: `time` of the samples, s, increasing; `targets` `[sample]`; `at` the new times, s.
+    """
+    time, reference, compliance = (jnp.asarray(x) for x in (time, targets.reference, targets.compliance))
+    left = jnp.clip(jnp.searchsorted(time, at, side="right") - 1, 0, time.shape[0] - 2)
+    part = jnp.clip((at - time[left]) / (time[left + 1] - time[left]), 0.0, 1.0)
+
+    def between(start, end, s):
+        return integrate(model, start, s * difference(model, start, end))
+
+    return Target(
+        reference=jax.vmap(between)(reference[left], reference[left + 1], part),
+        compliance=compliance[left] + part[:, None] * (compliance[left + 1] - compliance[left]),
+    )
+
+
+def transfer(interaction: Interaction, scene: Scene, progress: Callable[[float], Any] | None = None) -> Rollout:
+    """Re-enact an interaction on the surfaces of a scene (Section 7, one hand, fixed environment).
+
+    **Arguments**: `interaction` compliance and reference trajectory with their model; `scene` surfaces, friction,
+    facets and time step; `progress` called with the fraction done.
+
+    **Returns**: a `Rollout` with a row every `scene.step` from the first time of the interaction to its last. Steps
+    that were not solved are marked in `Rollout.status`.
+
+    **Errors**: `ValueError` for a model without pads, fewer than two samples, or a compliance or reference that is
+    not finite, or a negative compliance, naming the degree of freedom and the time.
+    """
+    _check(interaction)
+    model = interaction.model
+    start, end = float(interaction.time[0]), float(interaction.time[-1])
+    count = int(np.floor((end - start) / scene.step * (1.0 + 1e-12) + 1e-9)) + 1
+    time = start + scene.step * np.arange(count)
+    samples = Target(reference=interaction.reference, compliance=interaction.compliance)
+    targets = resample(model, interaction.time, samples, time)
+    _, info = rollout(model, scene, targets, progress=progress)
+    found = {name: np.asarray(value) for name, value in vars(info).items()}
+    return Rollout(
+        name=interaction.name,
+        model=model,
+        scene=scene.describe(),
+        time=time,
+        slot_names=slot_names(model, scene),
+        **found,
+    )
+
+
+def _check(interaction: Interaction) -> None:
+    if len(interaction.time) < 2:
+        raise ValueError(f"interaction {interaction.name!r} has {len(interaction.time)} samples; two are needed")
+    compliance, reference = np.asarray(interaction.compliance), np.asarray(interaction.reference)
+    bad = ~np.isfinite(compliance) | (compliance < 0)
+    if bad.any():
+        row, dof = np.argwhere(bad)[0]
+        name, value, time = interaction.model.dof_names[dof], compliance[row, dof], float(interaction.time[row])
+        raise ValueError(f"compliance of {name} is {value:g} at {time:.3f} s; it must be finite and not negative")
+    bad = ~np.isfinite(reference)
+    if bad.any():
+        row, coordinate = np.argwhere(bad)[0]
+        value, time = reference[row, coordinate], float(interaction.time[row])
+        raise ValueError(f"reference coordinate {coordinate} is {value:g} at {time:.3f} s; it must be finite")
