@@ -1,0 +1,125 @@
+"""Write the session files and subject models of the simulated sessions from their own descriptions.
+
+    python experiments/sessions/make_virtual_sessions.py SHARED_DATA
+
+reads `virtual_sessions/*/session.json` and `hand_model.json` (never the truth) and writes `virtual_*.toml` and
+`models/virtual_subject_*.xml` beside this script. The data are simulated: no person was measured.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+SUBJECTS = {
+    "explore": "A",
+    "explore_cruise": "A",
+    "bump": "A",
+    "perturb_explore": "A",
+    "scratch": "B",
+    "perturb_scratch": "B",
+}
+PLACEMENT_SD = 0.0003
+"""m, per axis: what the README of the sessions states."""
+
+THICKNESS = {"FA": 0.035, "HA": 0.02, "PP": 0.009, "MP": 0.008, "DP": 0.007}
+"""m, radius of a segment; only its inertia follows from it, which capture does not use."""
+
+
+def subject_model(hand: dict, subject: str) -> str:
+    """MJCF of the kinematic model that the session gives to its user."""
+    tips = [item["offset"][0] for item in hand["segments"][1:]] + [hand["pad"]["centre"][0]]
+    lengths = dict(zip(["HA", "PP", "MP", "DP"], tips, strict=True))
+    text = _body(hand, "FA", -0.2, 0.0, '<freejoint name="root"/>')
+    indent = "    "
+    for item in hand["segments"]:
+        indent += "  "
+        axis = " ".join(f"{value:g}" for value in item["axis"])
+        joint = f'<joint name="{item["joint"]}" type="hinge" axis="{axis}"/>'
+        name = item["name"]
+        text += _body(hand, name, 0.0, lengths[name], joint, item["offset"], indent)
+    pad = hand["pad"]
+    text += f'{indent}  <geom name="fingertip" class="pad" type="sphere" pos="{_row(pad["centre"])}"'
+    text += f' size="{pad["radius"]!r}"/>\n'
+    for depth in range(len(hand["segments"]), -1, -1):
+        text += "    " + "  " * depth + "</body>\n"
+    return (
+        f"<!-- Subject {subject} of the simulated sessions: the kinematic model given with them (hand_model.json).\n"
+        "     Segment masses are those of water-filled cylinders. -->\n"
+        f'<mujoco model="virtual_subject_{subject}">\n'
+        '  <compiler angle="radian"/>\n  <default><default class="pad"><geom mass="0"/></default></default>\n'
+        f"  <worldbody>\n{text}  </worldbody>\n</mujoco>\n"
+    )
+
+
+def _body(hand, name, start, stop, joint, offset=(0.0, 0.0, 0.0), indent="    "):
+    lines = [f'{indent}<body name="{name}" pos="{_row(offset)}">', f"{indent}  {joint}"]
+    lines.append(
+        f'{indent}  <geom type="cylinder" fromto="{start!r} 0 0 {stop!r} 0 0" size="{THICKNESS[name]!r}" density="1000"/>'
+    )
+    for number, place in enumerate(hand["markers"][name], 1):
+        lines.append(f'{indent}  <site name="{name}{number}" pos="{_row(place)}"/>')
+    return "\n".join(lines) + "\n"
+
+
+def _row(values) -> str:
+    return " ".join(repr(float(value)) for value in values)
+
+
+def session_file(folder: str, session: dict, hand: dict, subject: str) -> str:
+    """TOML of one session."""
+    sensor = hand["sensor"]
+    rows = sensor["R_sensor_from_world"]
+    rotation = [[rows[column][row] for column in range(3)] for row in range(3)]
+    labels = [f"{name}{number}" for name in ("FA", "HA", "PP", "MP", "DP") for number in _numbers(hand, name)]
+    lines = [
+        "# Simulated with MuJoCo, independently of icjax; no person was measured. Written by make_virtual_sessions.py.",
+        f'name = "{folder}"',
+        f'subject = "{subject}"',
+        f'folder = "${{ICJAX_SHARED_DATA}}/virtual_sessions/{folder}"',
+        "",
+        "[model]",
+        f'file = "models/virtual_subject_{subject}.xml"',
+        f"placement_sd = {PLACEMENT_SD}",
+        "",
+        "[markers]",
+        *(f'{label} = "{label}"' for label in labels),
+        "",
+        "[[source]]",
+        'name = "plate"',
+        'kind = "six_axis"',
+        'channels = ["Fx", "Fy", "Fz", "Tx", "Ty", "Tz"]',
+        f"position = {[float(value) for value in sensor['origin_world']]}",
+        f"rotation = {rotation}",
+        'sign = "on_environment"',
+        f"surface = {{ point = [0.0, 0.0, {sensor['plate_top_z']}], normal = [0.0, 0.0, 1.0] }}",
+        "tare = [0.0, 0.2]",
+    ]
+    friction = {item["trial"]: item.get("friction") for item in session["trials"]}
+    for item in sorted(session["trials"], key=lambda item: "catch_of" in item):
+        name = item["trial"]
+        of = item.get("catch_of")
+        lines += ["", "[[trial]]", f'name = "{name}"', f'file = "{name}.c3d"']
+        lines += [f'role = "{"catch" if of else "trial"}"'] + ([f'catch_of = "{of}"'] if of else [])
+        lines.append('touches = { plate = "fingertip" }')
+        if friction.get(name) is not None:
+            lines.append(f"friction = {friction[name]}")
+    return "\n".join(lines) + "\n"
+
+
+def _numbers(hand, name):
+    return range(1, len(hand["markers"][name]) + 1)
+
+
+def main(shared: Path) -> None:
+    (HERE / "models").mkdir(exist_ok=True)
+    for folder, subject in SUBJECTS.items():
+        source = shared / "virtual_sessions" / folder
+        hand = json.loads((source / "hand_model.json").read_text())
+        session = json.loads((source / "session.json").read_text())
+        (HERE / f"virtual_{folder}.toml").write_text(session_file(folder, session, hand, subject))
+        (HERE / "models" / f"virtual_subject_{subject}.xml").write_text(subject_model(hand, subject))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
