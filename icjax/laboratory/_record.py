@@ -22,8 +22,8 @@ CATCH_LOWERED = 0.12
 CHANNELS = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz", "SYNC")
 UNITS = ("N", "N", "N", "Nm", "Nm", "Nm", "V")
 
-Progress = Callable[[int, int, str], None]
-"""Called with (runs done, runs in all, name of the run that follows)."""
+Progress = Callable[[float], object]
+"""Called with the fraction of the runs done, 0 to 1."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,7 +66,7 @@ def record(
     - `catch`: catch trials for each trial.
     - `bump`: on the plate; `height`: of the plate's top, m.
     - `noise`: of instruments and subject; the default is a good studio.
-    - `progress`: called before every simulated run.
+    - `progress`: called with the fraction done after every recording.
 
     **Returns** the paths written. **Errors**: `ValueError` naming the argument and its value; `FileError` where a
     file cannot be written. Nothing is written before every movement is known to be within reach.
@@ -91,15 +91,12 @@ def record(
 
     folder = Path(folder)
     truth = folder / "truth"
-    total = trials * (1 + catch)
     written: dict[str, list[Path]] = {"trial": [], "catch": [], "truth": []}
     entries = []
     for trial, touches in enumerate(plans):
         for repetition in range(1 + catch):
             role = "catch" if repetition else "trial"
             name = f"{role}{trial:02d}" + (f"_{repetition}" if repetition > 1 else "")
-            if progress is not None:
-                progress(trial * (1 + catch) + repetition, total, name)
             generator = np.random.default_rng([seed, 2, trial, repetition])
             shifts = np.clip(noise.timing * generator.standard_normal(contacts), -0.04, 0.04)
             shifts = shifts if repetition else np.zeros(contacts)
@@ -108,7 +105,9 @@ def record(
             written[role].append(_write(folder / f"{name}.c3d", motion, noise, generator))
             written["truth"].append(motion.truth.save(truth / f"{name}.npz"))
             entries.append((name, role, f"trial{trial:02d}"))
-    written["truth"].append(_write_subject(truth, subject, surface, plans, placed))
+            if progress is not None:
+                progress(len(entries) / (trials * (1 + catch)))
+    written["truth"].append(_write_subject(truth, seed, subject, surface, plans, placed))
     session = folder / "session.toml"
     session.write_text(session_text(folder.name, subject, surface, entries))
     return Paths(
@@ -132,9 +131,10 @@ def _write(path: Path, motion: Motion, noise: Noise, generator: np.random.Genera
     )
 
 
-def _write_subject(truth: Path, subject: Subject, surface: Surface, plans: list, placed: dict) -> Path:
+def _write_subject(truth: Path, seed: int, subject: Subject, surface: Surface, plans: list, placed: dict) -> Path:
     path = truth / "subject.json"
     content = {
+        "seed": seed,
         "subject": dataclasses.asdict(subject),
         "surface": dataclasses.asdict(surface),
         "touches": [[dataclasses.asdict(touch) for touch in touches] for touches in plans],
