@@ -1,0 +1,123 @@
+"""Joint angles of a trial with their uncertainty: solve, bridge gaps, filter, solve again."""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from icjax.capture._filters import lowpass, runs
+from icjax.capture._pose import PoseSolution, pose_covariance, solve_poses
+from icjax.model import Model
+
+LONGEST_BRIDGE = 0.1
+"""s; a marker that was missing for longer is left out of the second solution while it is missing."""
+
+FIRST_SD = 0.001
+"""m; a marker noise for asking which coordinates the visible markers determine at all."""
+
+
+@dataclasses.dataclass(frozen=True)
+class JointAngles:
+    """Coordinates of a trial.
+
+    - `q` [frame, nq], `covariance` [frame, nv, nv] of the frame-to-frame error.
+    - `offset_sd` [nv]: of the constant offset that marker placement leaves.
+    - `valid` [frame]: whether the markers determine every coordinate.
+    - `residual` [frame, marker]: distance of the measured marker to the model, m; NaN in gaps.
+    - `marker_sd`: m, per axis, of the filtered markers about a rigid body, from the residuals.
+    """
+
+    q: Float[np.ndarray, "frame nq"]
+    covariance: Float[np.ndarray, "frame nv nv"]
+    offset_sd: Float[np.ndarray, " nv"]
+    valid: Bool[np.ndarray, " frame"]
+    residual: Float[np.ndarray, "frame marker"]
+    marker_sd: float
+
+
+def joint_angles(
+    model: Model,
+    sites: tuple[int, ...],
+    markers: Float[np.ndarray, "frame marker 3"],
+    rate: float,
+    cutoff: float,
+    placement_sd: float,
+    progress: Callable[[float], None] | None = None,
+) -> JointAngles:
+    """Joint angles from markers.
+
+    1. The pose of every frame from the raw markers, gaps left out.
+    2. A gap is bridged with the place of the marker on the model plus its residual, interpolated over the gap
+       (markers sit a little beside their sites; without the residual every gap would be a jump).
+    3. The markers are low-pass filtered (`lowpass`), so that neither gaps nor noise reach the angles.
+    4. The pose again, with gaps longer than 0.1 s left out.
+
+    The covariance is s^2 (J^T J)^-1; s^2 is the variance of what is left between filtered markers and model after
+    the mean of each marker in its body's frame, which is misplacement and not noise. Misplacement itself turns a
+    whole cluster about its joint, which no recording shows: `offset_sd` is the root of the diagonal of
+    placement_sd^2 (J^T J)^-1, averaged over the trial.
+
+    **Arguments**: `sites` one a marker; `markers` m, NaN in gaps; `rate`, `cutoff` Hz; `placement_sd` m, per axis.
+    """
+    told = progress or (lambda fraction: None)
+    seen = np.isfinite(markers).all(axis=-1)
+    ones = np.ones(seen.shape)
+    raw = solve_poses(model, sites, markers, seen.astype(float), progress=lambda done: told(0.6 * done))
+    bridged = _bridged(raw, markers, seen)
+    filtered = lowpass(bridged, rate, min(cutoff, 0.38 * rate))
+    weight = np.where(_long_gaps(seen, rate), 0.0, ones)
+    second = solve_poses(model, sites, filtered, weight, raw.q, progress=lambda done: told(0.6 + 0.4 * done))
+    sd = _marker_sd(second, filtered, weight, model.nv)
+    covariance, determined = pose_covariance(second.information, max(sd, FIRST_SD))
+    if sd < FIRST_SD:
+        covariance, _ = pose_covariance(second.information, sd)
+    offsets, _ = pose_covariance(second.information, placement_sd)
+    usable = determined & second.converged
+    variances = np.diagonal(offsets, axis1=1, axis2=2)
+    mean = variances[usable].mean(axis=0) if usable.any() else variances.mean(axis=0)
+    return JointAngles(
+        q=second.q,
+        covariance=covariance,
+        offset_sd=np.sqrt(mean),
+        valid=usable,
+        residual=np.where(seen, np.linalg.norm(markers - second.predicted, axis=-1), np.nan),
+        marker_sd=sd,
+    )
+
+
+def _bridged(poses: PoseSolution, markers: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    frames = np.arange(len(markers))
+    result = markers.copy()
+    for marker in range(markers.shape[1]):
+        here, gone = seen[:, marker], ~seen[:, marker]
+        if not gone.any():
+            continue
+        rotations = poses.rotations[:, marker]
+        if here.any():
+            beside = np.einsum("fji,fj->fi", rotations[here], (markers - poses.predicted)[here, marker])
+            filled = np.stack([np.interp(frames[gone], frames[here], column) for column in beside.T], axis=1)
+        else:
+            filled = np.zeros((gone.sum(), 3))
+        result[gone, marker] = poses.predicted[gone, marker] + np.einsum("fij,fj->fi", rotations[gone], filled)
+    return result
+
+
+def _long_gaps(seen: np.ndarray, rate: float) -> np.ndarray:
+    long = np.zeros(seen.shape, bool)
+    for marker in range(seen.shape[1]):
+        for start, stop in runs(~seen[:, marker]):
+            if stop - start > LONGEST_BRIDGE * rate:
+                long[start:stop, marker] = True
+    return long
+
+
+def _marker_sd(poses: PoseSolution, markers: np.ndarray, weight: np.ndarray, nv: int) -> float:
+    """Standard deviation per axis of markers about their mean place on their body."""
+    used = weight > 0
+    beside = np.einsum("fmji,fmj->fmi", poses.rotations, markers - poses.predicted)
+    count = used.sum(axis=0)
+    mean = np.sum(np.where(used[:, :, None], beside, 0.0), axis=0) / np.maximum(count, 1)[:, None]
+    squares = np.sum(np.where(used[:, :, None], (beside - mean) ** 2, 0.0))
+    freedom = 3 * used.sum() - nv * len(markers) - 3 * np.sum(count > 0)
+    return float(np.sqrt(squares / freedom)) if freedom > 0 else float("nan")

@@ -1,0 +1,169 @@
+"""From markers to joint angles: one nonlinear least-squares problem a frame, all frames at once."""
+
+import functools
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float
+
+from icjax.capture._registration import start_coordinates
+from icjax.inference import covariance, least_squares
+from icjax.model import Model, difference, forward_kinematics, integrate
+from icjax.results import RESULTS
+
+BLOCK = 512
+"""Frames solved by one compiled call; trials of every length share its compilation."""
+
+WIDEST = 10.0
+"""rad or m: what an undetermined coordinate's standard deviation is set to."""
+
+
+class PoseSolution(NamedTuple):
+    """Pose of every frame.
+
+    - `q` [frame, nq]; `information` [frame, nv, nv]: J^T J with J = d(markers) / dq, 1/m2 (rad, m).
+    - `predicted` [frame, marker, 3]: markers on the model, m.
+    - `rotations` [frame, marker, 3, 3]: of the body that carries each marker.
+    - `converged` [frame].
+    """
+
+    q: Float[np.ndarray, "frame nq"]
+    information: Float[np.ndarray, "frame nv nv"]
+    predicted: Float[np.ndarray, "frame marker 3"]
+    rotations: Float[np.ndarray, "frame marker 3 3"]
+    converged: Bool[np.ndarray, " frame"]
+
+
+def solve_poses(
+    model: Model,
+    sites: tuple[int, ...],
+    markers: Float[np.ndarray, "frame marker 3"],
+    weight: Float[np.ndarray, "frame marker"],
+    start: Float[np.ndarray, "frame nq"] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> PoseSolution:
+    """Coordinates that bring the model's sites closest to the markers, frame by frame.
+
+    Minimise sum_i w_i |x_i - p_i(q)|^2 over q, with w_i zero in gaps. Without `start`, frames spread over the trial
+    are solved first from a registration of the root (see `start_coordinates`); the others start from what is found
+    there, interpolated in time.
+
+    **Arguments**: `sites` of the model, one a marker; `markers` m, NaN where `weight` is zero; `progress` is told
+    the finished fraction.
+    """
+    weight = np.where(np.isfinite(markers).all(axis=-1), weight, 0.0)
+    markers = np.nan_to_num(markers)
+    told = progress or (lambda fraction: None)
+    if start is None:
+        start = _spread_start(model, sites, markers, weight)
+    parts = []
+    for first in range(0, len(markers), BLOCK):
+        part = slice(first, first + BLOCK)
+        parts.append(_solve_block(model, sites, start[part], markers[part], weight[part]))
+        told(min(1.0, (first + BLOCK) / len(markers)))
+    return PoseSolution(*(np.concatenate(items) for items in zip(*parts, strict=True)))
+
+
+def _spread_start(model: Model, sites: tuple[int, ...], markers: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Solutions of at most one block of frames spread over the trial, interpolated to all frames."""
+    count = len(markers)
+    complete = np.flatnonzero(weight.sum(axis=1) >= weight.sum(axis=1).max())
+    chosen = np.unique(complete[np.linspace(0, len(complete) - 1, min(len(complete), BLOCK // 4)).astype(int)])
+    guess = start_coordinates(model, sites, markers[chosen], weight[chosen])
+    found = _solve_block(model, sites, guess, markers[chosen], weight[chosen])
+    error = np.sqrt(np.mean(weight[chosen][:, :, None] * (markers[chosen] - found.predicted) ** 2, axis=(1, 2)))
+    near = _wrapped(model, found.q)
+    good = error <= 3 * np.median(error)
+    again = near[good][np.argmin(np.abs(chosen[:, None] - chosen[good][None, :]), axis=1)]
+    found = _solve_block(model, sites, again, markers[chosen], weight[chosen])
+    q = _continuous(model, _wrapped(model, found.q))
+    frames = np.arange(count)
+    start = np.stack([np.interp(frames, chosen, column) for column in q.T], axis=1)
+    for kind, part in zip(model.joint_types, model.coordinate_slices, strict=True):
+        if kind in ("ball", "free"):
+            unit = slice(part.stop - 4, part.stop)
+            start[:, unit] /= np.linalg.norm(start[:, unit], axis=1, keepdims=True)
+    return start
+
+
+def _wrapped(model: Model, q: np.ndarray) -> np.ndarray:
+    """Hinge coordinates within half a turn of the model's zero."""
+    q = q.copy()
+    zero = np.asarray(model.zero)
+    for kind, part in zip(model.joint_types, model.coordinate_slices, strict=True):
+        if kind == "hinge":
+            q[:, part] = zero[part] + (q[:, part] - zero[part] + np.pi) % (2 * np.pi) - np.pi
+    return q
+
+
+def _continuous(model: Model, q: np.ndarray) -> np.ndarray:
+    """Quaternions of successive frames on the same side."""
+    q = q.copy()
+    for kind, part in zip(model.joint_types, model.coordinate_slices, strict=True):
+        if kind in ("ball", "free"):
+            unit = slice(part.stop - 4, part.stop)
+            turns = np.sum(q[1:, unit] * q[:-1, unit], axis=1) < 0
+            q[1:, unit] *= np.where(np.cumsum(turns) % 2 == 1, -1.0, 1.0)[:, None]
+    return q
+
+
+def _solve_block(
+    model: Model, sites: tuple[int, ...], start: np.ndarray, markers: np.ndarray, weight: np.ndarray
+) -> PoseSolution:
+    count = len(start)
+    filled = [_padded(np.asarray(array), BLOCK) for array in (start, markers, weight)]
+    solved = _compiled(model, sites, *(jnp.asarray(array) for array in filled))
+    return PoseSolution(*(np.asarray(item)[:count] for item in solved))
+
+
+def _padded(array: np.ndarray, length: int) -> np.ndarray:
+    return np.concatenate([array, np.repeat(array[-1:], length - len(array), axis=0)])
+
+
+@functools.partial(eqx.filter_jit)
+def _compiled(model: Model, sites: tuple[int, ...], start, markers, weight):
+    bodies = np.asarray(model.site_bodies)[list(sites)]
+    places = jnp.asarray(model.site_position)[np.asarray(sites)]
+
+    def predicted(q):
+        poses = forward_kinematics(model, q)
+        rotations = poses.rotation[bodies]
+        return jnp.einsum("sij,sj->si", rotations, places) + poses.position[bodies], rotations
+
+    def residual(q, data):
+        observed, w = data
+        return (jnp.sqrt(w)[:, None] * (predicted(q)[0] - observed)).reshape(-1)
+
+    solution = least_squares(
+        residual, start, (markers, weight), nv=model.nv, retract=lambda q, dq: integrate(model, q, dq)
+    )
+    q = solution.value.value
+    places_W, rotations = jax.vmap(predicted)(q)
+    return (
+        q,
+        solution.value.information,
+        places_W,
+        rotations,
+        jax.vmap(lambda item: item == RESULTS.solved)(solution.result),
+    )
+
+
+def pose_covariance(
+    information: Float[np.ndarray, "frame nv nv"], sd: float
+) -> tuple[Float[np.ndarray, "frame nv nv"], Bool[np.ndarray, " frame"]]:
+    """Covariance of the coordinates for markers of standard deviation `sd` (m, per axis), s^2 (J^T J)^-1.
+
+    **Returns** the covariance (rad2, m2) and which frames determine every coordinate.
+    """
+    cov, determined = covariance(jnp.asarray(information), float(sd) ** 2, WIDEST)
+    return np.asarray(cov), np.asarray(determined)
+
+
+@eqx.filter_jit
+def pose_difference(model: Model, q_from, q_to):
+    """`difference` of every frame, `[frame, nv]`."""
+    return jax.vmap(lambda a, b: difference(model, a, b))(q_from, q_to)

@@ -1,0 +1,116 @@
+"""From the channels of a force source to the wrench on the subject in world axes, tared."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from icjax.capture._plates import plate_frame, plate_wrench
+from icjax.capture._spec import SourceSpec, SurfaceSpec, TrialSpec
+from icjax.files import FileError, ForcePlate, MotionFile
+
+
+@dataclasses.dataclass(frozen=True)
+class SensorWrench:
+    """One source at its own rate.
+
+    - `time` [S] s, marker clock; `rate` Hz.
+    - `wrench` [S, 6]: (moment about the world origin, force) on the subject, Nm and N, tared.
+    - `unloaded` [S]: samples of the tare windows.
+    - `surface`: the touched plane, None if the session names none.
+    """
+
+    name: str
+    time: Float[np.ndarray, " sample"]
+    rate: float
+    wrench: Float[np.ndarray, "sample 6"]
+    unloaded: Bool[np.ndarray, " sample"]
+    surface: SurfaceSpec | None
+
+
+def sensor_wrench(motion: MotionFile, trial: TrialSpec, source: SourceSpec, session: Path) -> SensorWrench:
+    """The wrench that a source measured, on the subject, in world axes, about the world origin.
+
+    With the sensor's axes R and reference point p: f = s R F, m = s R M + p x s R F, s = -1 for a source that
+    measures the force on the environment. The baseline is the mean of each tare window, and between the middles
+    of several windows a straight line; it is subtracted channel by channel.
+
+    The inertia of a plate above the sensor is in the reading. It is not modelled: a mount that rings at some
+    hundred Hz follows the finger quasi-statically in the band that is kept, and the ringing itself is removed by
+    the filters (`FilterSpec`).
+
+    **Errors**: `FileError` for a channel or plate that the file lacks or a tare window without samples.
+    """
+    name = trial.forces or trial.markers
+    if source.kind == "force_plate":
+        plate = _plate(motion, name, source)
+        raw = plate_wrench(motion, plate)
+        surface = source.surface or plate_surface(plate)
+    else:
+        channels = motion.channels(source.channels)
+        R = np.array(source.rotation)
+        force = channels[:, :3] @ R.T
+        if source.kind == "force_at_point":
+            point = channels[:, 3:6] @ R.T + np.array(source.position)
+            moment = channels[:, 6:9] @ R.T + np.cross(np.nan_to_num(point), force)
+        else:
+            moment = channels[:, 3:6] @ R.T + np.cross(np.array(source.position)[None, :], force)
+        raw = np.concatenate([moment, force], axis=1)
+        surface = source.surface
+    time = motion.analog_time
+    baseline, unloaded = _baseline(raw, time, trial.tare or source.tare, name, source.name, session)
+    sign = -1.0 if source.sign == "on_environment" else 1.0
+    return SensorWrench(
+        name=source.name,
+        time=time,
+        rate=(len(time) - 1) / float(time[-1] - time[0]),
+        wrench=sign * (raw - baseline),
+        unloaded=unloaded,
+        surface=surface,
+    )
+
+
+def plate_surface(plate: ForcePlate) -> SurfaceSpec:
+    """Top of a force plate; the normal points out of it, against the plate's z axis."""
+    R, p = plate_frame(plate)
+    return SurfaceSpec(point=tuple(p.tolist()), normal=tuple((-R[:, 2]).tolist()))
+
+
+def _plate(motion: MotionFile, path: Path, source: SourceSpec) -> ForcePlate:
+    assert source.plate is not None
+    if not 1 <= source.plate <= len(motion.plates):
+        raise FileError(
+            path, f"has no force plate {source.plate} (source '{source.name}'); it has {len(motion.plates)}"
+        )
+    return motion.plates[source.plate - 1]
+
+
+def _baseline(
+    raw: np.ndarray,
+    time: np.ndarray,
+    windows: tuple[tuple[float, float], ...],
+    path: Path,
+    source: str,
+    session: Path,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Baseline of every sample and which samples it was taken from."""
+    unloaded = np.zeros(len(time), bool)
+    centres, means = [], []
+    for start, stop in windows:
+        inside = (time >= start - 1e-9) & (time <= stop + 1e-9)
+        if not inside.any() or start < time[0] - 0.5 or stop > time[-1] + 0.5:
+            raise FileError(
+                session,
+                f"source '{source}': the tare window {start:g} to {stop:g} s is outside the recording "
+                f"{Path(path).name}, {time[0]:g} to {time[-1]:g} s",
+            )
+        unloaded |= inside
+        centres.append(float(time[inside].mean()))
+        means.append(np.nanmean(raw[inside], axis=0))
+    if not windows:
+        return np.zeros_like(raw), unloaded
+    order = np.argsort(centres)
+    table = np.array(means)[order]
+    lines = [np.interp(time, np.array(centres)[order], table[:, column]) for column in range(raw.shape[1])]
+    return np.stack(lines, axis=1), unloaded

@@ -1,0 +1,112 @@
+"""What a session file says, after it was checked."""
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from icjax.model import Model
+
+
+@dataclasses.dataclass(frozen=True)
+class FilterSpec:
+    """Effective cut-offs (Hz) of the zero-phase Butterworth filters.
+
+    - `markers`: 20 Hz. Voluntary movement of a hand holds little above 10 Hz, tremor reaches 12 Hz.
+    - `forces`: 60 Hz, what reaches the joints; far below the resonance of a plate's mount.
+    - `events`: 150 Hz, only for finding onset and release: a step rises in 0.35 / 150 Hz = 2.3 ms, and a mount
+      that rings at 350 Hz is damped to a tenth.
+    """
+
+    markers: float = 20.0
+    forces: float = 60.0
+    events: float = 150.0
+
+
+@dataclasses.dataclass(frozen=True)
+class ContactSpec:
+    """When a force is a contact and where it acts.
+
+    - `onset`, `release`: N; None takes them from the noise of the tare windows (see `contact_events`).
+    - `shortest`: s; a shorter contact is an artefact. `gap`: s; a shorter gap does not end a contact (a fingertip
+      that leaves a plate chatters for some milliseconds).
+    - `point_sd`: m; the centre of pressure is used where its standard deviation is below this.
+    """
+
+    onset: float | None = None
+    release: float | None = None
+    shortest: float = 0.010
+    gap: float = 0.025
+    point_sd: float = 0.001
+
+
+@dataclasses.dataclass(frozen=True)
+class SurfaceSpec:
+    """The touched plane: a point (m) and the normal that points to the subject's side, world axes."""
+
+    point: tuple[float, float, float]
+    normal: tuple[float, float, float]
+
+
+@dataclasses.dataclass(frozen=True)
+class SourceSpec:
+    """One force source.
+
+    - `kind`: "six_axis" (Fx Fy Fz Mx My Mz about `position`), "force_plate" (number `plate` of a C3D file, from 1)
+      or "force_at_point" (nine channels: force, point of application, moment about that point; OpenSim's MOT).
+    - `channels`: names in the file. `rotation`: sensor axes in world, v_W = R v_S. `position`: reference point of
+      the moments, m, world.
+    - `sign`: whether the channels hold the force "on_environment" or "on_subject".
+    - `surface`: for the centre of pressure; None for a force plate means the plate's own top.
+    - `tare`: intervals (s, marker clock) known to be unloaded; several give a baseline that drifts linearly.
+    """
+
+    name: str
+    kind: str
+    channels: tuple[str, ...]
+    plate: int | None
+    position: tuple[float, float, float]
+    rotation: tuple[tuple[float, ...], ...]
+    sign: str
+    surface: SurfaceSpec | None
+    tare: tuple[tuple[float, float], ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class TrialSpec:
+    """One trial: files (`file` for both, or `markers` and `forces`), role, and what touches which source."""
+
+    name: str
+    role: str
+    catch_of: str | None
+    markers: Path
+    forces: Path | None
+    touches: tuple[tuple[str, str], ...]
+    friction: float | None
+    tare: tuple[tuple[float, float], ...] | None
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SessionSpec:
+    """A whole session file, checked: every name it uses exists.
+
+    - `markers`: (label in the files, site of the model).
+    - `placement_sd`: m; standard deviation of a marker's place on the body, per axis, against its site.
+    """
+
+    path: Path
+    name: str
+    subject: str
+    model: Model
+    model_source: str
+    placement_sd: float
+    markers: tuple[tuple[str, str], ...]
+    filter: FilterSpec
+    contact: ContactSpec
+    sources: tuple[SourceSpec, ...]
+    trials: tuple[TrialSpec, ...]
+    columns: Mapping[str, Any]
+
+    def source(self, name: str) -> SourceSpec:
+        """A source by its name."""
+        return next(item for item in self.sources if item.name == name)
