@@ -5,8 +5,8 @@ import math
 
 import numpy as np
 
-from icjax.laboratory._dynamics import ANALOG_RATE, Motion
-from icjax.laboratory._movement import RATE, wander
+from icjax.laboratory._dynamics import ANALOG_RATE
+from icjax.laboratory._movement import wander
 from icjax.laboratory._surface import PLATE_MARKERS
 
 
@@ -65,15 +65,15 @@ def place(markers: Markers, noise: Noise, generator: np.random.Generator) -> Mar
     }
 
 
-def cameras(motion: Motion, noise: Noise, generator: np.random.Generator) -> np.ndarray:
+def cameras(names: tuple[str, ...], positions: np.ndarray, noise: Noise, generator: np.random.Generator) -> np.ndarray:
     """Measured markers [frame, marker, 3], m: white and slow noise, rounding, NaN where a marker is lost."""
-    markers = motion.markers + noise.marker * generator.standard_normal(motion.markers.shape)
+    markers = positions + noise.marker * generator.standard_normal(positions.shape)
     frames, count, _ = markers.shape
     for index in range(count):
         for axis in range(3):
             markers[:, index, axis] += wander(frames, noise.marker_slow, 0.05, 2.0, generator)
     markers = np.round(markers / MARKER_STEP) * MARKER_STEP
-    for index, label in enumerate(motion.marker_names):
+    for index, label in enumerate(names):
         if label in PLATE_MARKERS:
             continue
         missing = generator.poisson(noise.dropout * frames / 8.5)
@@ -82,16 +82,16 @@ def cameras(motion: Motion, noise: Noise, generator: np.random.Generator) -> np.
     return markers
 
 
-def sensor(motion: Motion, noise: Noise, generator: np.random.Generator) -> np.ndarray:
-    """Measured analog channels [sample, 7]: Fx Fy Fz (N), Tx Ty Tz (Nm) with bias and drift, and SYNC (V)."""
-    samples = len(motion.wrench)
+def sensor(wrench: np.ndarray, noise: Noise, generator: np.random.Generator) -> np.ndarray:
+    """Measured channels [sample, 7] of a true wrench [sample, 6] (N, Nm): with bias, drift and noise; then SYNC (V)."""
+    samples = len(wrench)
     scale = np.array([1.0] * 3 + [0.02] * 3)
     white = np.array([noise.force] * 3 + [noise.torque] * 3)
     bias = noise.bias * scale * generator.standard_normal(6)
     knots = np.linspace(0.0, samples - 1.0, 5)
     drift = np.cumsum(generator.standard_normal((5, 6)), axis=0) * noise.drift * scale / 2.0
     slow = np.stack([np.interp(np.arange(samples), knots, drift[:, axis]) for axis in range(6)], axis=1)
-    wrench = motion.wrench + bias + slow + white * generator.standard_normal((samples, 6))
+    wrench = wrench + bias + slow + white * generator.standard_normal((samples, 6))
     step = np.array([FORCE_STEP] * 3 + [TORQUE_STEP] * 3)
     wrench = np.round(wrench / step) * step
     second = (np.arange(samples) / ANALOG_RATE) % 1.0
@@ -112,8 +112,3 @@ def restless(command: np.ndarray, noise: Noise, generator: np.random.Generator) 
         result[:, 3 + joint] += wander(frames, noise.variation, 0.1, 1.0, generator)
         result[:, 3 + joint] += wander(frames, noise.tremor, 3.0, 12.0, generator)
     return result
-
-
-def samples(duration: float) -> int:
-    """Marker frames in a recording of this length."""
-    return round(duration * RATE) + 1

@@ -122,11 +122,11 @@ def _write(path: Path, motion: Motion, noise: Noise, generator: np.random.Genera
     return write_c3d(
         path,
         marker_names=list(motion.marker_names),
-        markers=cameras(motion, noise, generator),
+        markers=cameras(motion.marker_names, motion.markers, noise, generator),
         marker_rate=RATE,
         analog_names=list(CHANNELS),
         analog_units=list(UNITS),
-        analog=sensor(motion, noise, generator),
+        analog=sensor(motion.wrench, noise, generator),
         analog_rate=ANALOG_RATE,
     )
 

@@ -86,9 +86,14 @@ class Subject:
         steps = self.lengths[:3, None] * np.stack([np.cos(pitch), -np.sin(pitch)], axis=1)
         return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
 
-    def endpoint_compliance(self, theta: np.ndarray) -> np.ndarray:
-        """Static compliance (x, z; m/N) that a push on the fingertip meets: J C J^T + C_pad."""
+    def contact_jacobian(self, theta: np.ndarray) -> np.ndarray:
+        """Jacobian (x, z) of the lowest point of the fingertip, moving with the bone: J^T f is the joint torque."""
         jacobian = self.pad_jacobian(theta)
+        return jacobian - np.array([[self.pad_radius], [0.0]])
+
+    def endpoint_compliance(self, theta: np.ndarray) -> np.ndarray:
+        """Static compliance (x, z; m/N) that a push on the fingertip's underside meets: J C J^T + C_pad."""
+        jacobian = self.contact_jacobian(theta)
         return (jacobian * np.asarray(self.compliance)) @ jacobian.T + np.eye(2) / self.pad_stiffness
 
     def markers(self) -> dict[str, tuple[str, np.ndarray]]:
