@@ -23,8 +23,8 @@ class Estimate:
     """Trial whose interaction is written as interaction.nc; the first if not given."""
     all: bool = False
     """Write every trial, as interaction_<trial>.nc."""
-    window: float = 0.06
-    """Length of the windows before and after contact, s (reflexes begin after about 0.1 s)."""
+    window: float = 0.1
+    """Length of the windows before and after contact, s (spinal reflexes need about 0.1 s)."""
     degree: Literal[1, 2] = 2
     """Degree of the polynomials fitted in the windows."""
 

@@ -1,0 +1,51 @@
+"""`icjax report`: the records of a folder as one self-contained page."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Report:
+    """Write DIR/report.html from the recordings, interactions and rollouts found in DIR."""
+
+    folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
+    """Folder with recording.nc, interaction.nc and rollout_*.nc (each may be missing)."""
+    out: Path | None = None
+    """Page to write; DIR/report.html if not given."""
+
+    def run(self) -> None:
+        from icjax.cli._output import Steps
+
+        if not self.folder.is_dir():
+            raise ValueError(f"{self.folder}: is not a folder")
+        with Steps(1).step("report"):
+            path = report_folder(self.folder, self.out)
+        print(f"wrote {path}")
+
+
+def report_folder(folder: Path, out: Path | None = None, seed: int | None = None) -> Path:
+    """Collect the records of a folder and write its page."""
+    import json
+
+    from icjax.interaction import Interaction
+    from icjax.recording import Session
+    from icjax.report import write_report
+    from icjax.rollout import Rollout
+
+    recording = folder / "recording.nc"
+    interactions = sorted(folder.glob("interaction*.nc"))
+    rollouts = sorted(folder.glob("rollout_*.nc"))
+    if not (recording.exists() or interactions or rollouts):
+        raise ValueError(f"{folder}: holds no recording.nc, interaction.nc or rollout_*.nc")
+    metrics = folder / "metrics.json"
+    return write_report(
+        out or folder / "report.html",
+        session=Session.load(recording) if recording.exists() else None,
+        interactions=tuple(Interaction.load(path) for path in interactions),
+        rollouts=tuple(Rollout.load(path) for path in rollouts),
+        metrics=json.loads(metrics.read_text()) if metrics.exists() else None,
+        seed=seed,
+    )

@@ -1,0 +1,38 @@
+"""Scenes of the command line: a plate, flat or with a bump."""
+
+import numpy as np
+
+from icjax.geometry import Ellipsoid, Plane
+from icjax.interaction import Interaction
+from icjax.synthesis import Scene, Surface
+
+BUMP_HALF_WIDTH = 0.035
+"""Of the bump across the direction of the stroke, m."""
+
+
+def plate_scene(
+    name: str,
+    *,
+    friction: float,
+    height: float = 0.0,
+    bump_centre: tuple[float, float] | None = None,
+    bump_radii: tuple[float, float, float] = (0.012, BUMP_HALF_WIDTH, 0.003),
+    step: float = 0.002,
+) -> Scene:
+    """A level plate at a height (m) with, if a centre (x, y in m) is given, the upper half of an ellipsoid on it."""
+    plate = Plane(point=np.array([0.0, 0.0, height]), normal=np.array([0.0, 0.0, 1.0]))
+    surfaces = [Surface(name="plate", shape=plate, friction=friction)]
+    if bump_centre is not None:
+        centre = np.array([*bump_centre, height])
+        shape = Ellipsoid(centre=centre, rotation=np.eye(3), radii=np.array(bump_radii))
+        surfaces.append(Surface(name="bump", shape=shape, friction=friction))
+    return Scene(name=name, surfaces=tuple(surfaces), step=step)
+
+
+def middle_of_contacts(interaction: Interaction) -> tuple[float, float]:
+    """World x and y in the middle of the measured contact points, m. **Errors**: `ValueError` without contact."""
+    points = np.asarray(interaction.contact_point).reshape(-1, 3)
+    points = points[np.isfinite(points).all(axis=1)]
+    if not len(points):
+        raise ValueError(f"interaction {interaction.name!r} has no contact under which to put a bump")
+    return float(np.median(points[:, 0])), float(np.median(points[:, 1]))

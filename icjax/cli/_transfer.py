@@ -1,0 +1,80 @@
+"""`icjax transfer`: an interaction to another surface or friction."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """Simulate the interaction on another surface; write a rollout.
+
+    Give a scene file, or a flat surface with or without a bump under the measured contacts.
+    """
+
+    interaction: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="INTERACTION.NC")]
+    """Interaction written by `icjax estimate`."""
+    out: Path | None = None
+    """Rollout file; rollout_<surface>.nc beside the interaction if not given."""
+    scene: Path | None = None
+    """Scene file (TOML) instead of the options below."""
+    surface: Literal["flat", "bump"] = "flat"
+    """Surface to touch."""
+    friction: float | None = None
+    """Coefficient of friction; that of the recording if not given."""
+    plate_height: float = 0.0
+    """Height of the flat surface in the recording's world, m."""
+    bump_height: float = 0.003
+    """Height of the bump, m."""
+    bump_length: float = 0.024
+    """Length of the bump along the world's x axis, m."""
+    bump_position: tuple[float, float] | None = None
+    """Centre of the bump, world x and y, m; the middle of the measured contact points if not given."""
+    step: float = 0.002
+    """Time step, s."""
+
+    def run(self) -> None:
+        from icjax.cli._output import Steps
+        from icjax.interaction import Interaction
+        from icjax.synthesis import read_scene, transfer
+
+        interaction = Interaction.load(self.interaction)
+        scene = read_scene(self.scene) if self.scene else self._scene(interaction)
+        with Steps(1).step(f"transfer of {interaction.name} to {scene.name}") as progress:
+            rollout = transfer(interaction, scene, progress=progress)
+        path = self.out or self.interaction.parent / f"rollout_{scene.name}.nc"
+        rollout.save(path)
+        print(rollout_text(rollout))
+        print(f"wrote {path}")
+
+    def _scene(self, interaction):
+        from icjax.cli._scenes import BUMP_HALF_WIDTH, middle_of_contacts, plate_scene
+
+        friction = self.friction if self.friction is not None else interaction.friction
+        if friction is None:
+            raise ValueError("--friction is needed: the recording does not state the friction of its surface")
+        centre = None
+        if self.surface == "bump":
+            centre = self.bump_position or middle_of_contacts(interaction)
+        return plate_scene(
+            self.surface,
+            friction=friction,
+            height=self.plate_height,
+            bump_centre=centre,
+            bump_radii=(self.bump_length / 2, BUMP_HALF_WIDTH, self.bump_height),
+            step=self.step,
+        )
+
+
+def rollout_text(rollout) -> str:
+    """What happened, in two lines."""
+    import numpy as np
+
+    force = np.linalg.norm(np.asarray(rollout.contact_force).sum(axis=1), axis=-1)
+    failed = np.flatnonzero(np.asarray(rollout.status))
+    text = f"  {len(rollout.time)} steps, largest force {force.max():.2f} N, in contact {np.mean(force > 0):.0%}"
+    if failed.size:
+        text += f"\n  {failed.size} steps failed, the first at {float(rollout.time[failed[0]]):.3f} s"
+    return text
