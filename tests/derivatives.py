@@ -17,11 +17,15 @@ MODES_TOLERANCE = 1e-12
 def check_derivatives(function, x, tolerance=DIFFERENCE_TOLERANCE):
     """`function` of one array to one array; errors are relative to the largest entry of the derivative, or one."""
     x = jnp.asarray(x, float)
-    forward = np.asarray(jax.jit(jax.jacfwd(function))(x))
-    reverse = np.asarray(jax.jit(jax.jacrev(function))(x))
     steps = STEP * jnp.eye(x.size).reshape(x.size, *x.shape)
-    shifted = jax.jit(jax.vmap(lambda step: (function(x + step) - function(x - step)) / (2 * STEP)))(steps)
-    central = np.moveaxis(np.asarray(shifted), 0, -1).reshape(forward.shape)
+
+    @jax.jit
+    def derivatives(x):
+        central = jax.vmap(lambda step: (function(x + step) - function(x - step)) / (2 * STEP), out_axes=-1)(steps)
+        return jax.jacfwd(function)(x), jax.jacrev(function)(x), central
+
+    forward, reverse, central = map(np.asarray, derivatives(x))
+    central = central.reshape(forward.shape)
     size = max(1.0, np.abs(forward).max(initial=0.0))
     assert np.isfinite(forward).all()
     np.testing.assert_allclose(reverse, forward, rtol=0, atol=MODES_TOLERANCE * size)

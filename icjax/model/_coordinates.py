@@ -96,7 +96,7 @@ def acceleration_to_mujoco(
     They differ as the axes of a free body turn: its linear part becomes R (a_v + omega x v), the acceleration of
     the origin in the world.
     """
-    qacc = velocity_map(model, q) @ a
+    qacc = jnp.matmul(velocity_map(model, q), a)
     for kind, coordinates, dofs in _joints(model):
         if kind == "free":
             turn = quaternion_to_rotation(q[coordinates][3:]) @ jnp.cross(v[dofs][:3], v[dofs][3:])

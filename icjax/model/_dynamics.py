@@ -93,7 +93,7 @@ def _armature_torque(model: Model, v: Real, a: Real) -> Float[Real, " nv"]:
     """Armature times acceleration; the velocity of a free joint turns with the body, so there it is a_v + w x v."""
     for kind, dofs in zip(model.joint_types, model.dof_slices, strict=True):
         if kind == "free":
-            a = a.at[dofs.start + 3 : dofs.stop].add(jnp.cross(v[dofs][:3], v[dofs][3:]))
+            a = jnp.asarray(a).at[dofs.start + 3 : dofs.stop].add(jnp.cross(v[dofs][:3], v[dofs][3:]))
     return jnp.asarray(model.armature) * a
 
 

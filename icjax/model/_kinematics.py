@@ -122,8 +122,8 @@ def _local_poses(model: Model, topology: Tree, q: Real) -> Pose:
     body_rotation, body_position = jnp.asarray(model.body_rotation), jnp.asarray(model.body_position)
     eye = jnp.broadcast_to(jnp.eye(3, dtype=body_rotation.dtype), body_rotation.shape)
     fixed = np.concatenate([[True], released[1:]])
-    rotations = [jnp.where(fixed[:, None, None], eye, body_rotation)]
-    positions = [jnp.where(fixed[:, None], 0.0, body_position)]
+    rotations: list[Real] = [jnp.where(fixed[:, None, None], eye, body_rotation)]
+    positions: list[Real] = [jnp.where(fixed[:, None], 0.0, body_position)]
 
     if len(joints["hinge"]):
         chosen, at = joints["hinge"], starts[joints["hinge"]]

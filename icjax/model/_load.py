@@ -1,5 +1,6 @@
 """Models from MJCF and URDF files, compiled by MuJoCo and copied into a `Model`."""
 
+import importlib
 import os
 import warnings
 from collections.abc import Mapping
@@ -44,7 +45,7 @@ def load_model(
     **Errors**: `FileError` naming the file: missing, no XML, neither MJCF nor URDF, refused by MuJoCo, holding
     something that cannot be kept, or without a geom named in `pads`.
     """
-    import mujoco
+    mujoco: Any = importlib.import_module("mujoco")  # its classes are made at import, unseen by type checkers
 
     is_text = isinstance(source, str) and "<" in source
     path = "XML text" if is_text else os.fspath(source)

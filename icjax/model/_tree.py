@@ -65,7 +65,7 @@ def _tree(parents: tuple[int, ...], kinds: tuple[str, ...], bodies: tuple[int, .
     sizes = [VELOCITY_SIZE[kind] for kind in kinds]
     dof_joint = np.repeat(np.arange(len(kinds)), sizes)
     starts = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
-    by_kind = [np.arange(starts[joint], starts[joint + 1]) for joint in sorted_joints]
+    by_kind = [np.arange(int(starts[joint]), int(starts[joint + 1])) for joint in sorted_joints]
     dof_order = np.argsort(np.concatenate([np.zeros(0, int), *by_kind]))
     dof_frame = frame_of_joint[dof_joint].astype(int)
 
