@@ -130,9 +130,10 @@ def _at_event(
     onset = float(np.asarray(recording.events.onset)[event])
     start, end = free_interval(recording.events, event, loads)
     s = np.asarray(recording.time) - onset
+    edge = 1e-6 / recording.rate  # a sample on the edge of a window is in it, whatever its rounding
     usable = np.asarray(recording.valid) & np.isfinite(angle) & np.isfinite(torque)
-    before = usable & (s <= 0) & (s >= max(-options.window_before, start - onset))
-    after = usable & (s > 0) & (s <= min(options.window_after, end - onset))
+    before = usable & (s <= 0) & (s >= max(-options.window_before, start - onset) - edge)
+    after = usable & (s > 0) & (s <= min(options.window_after, end - onset) + edge)
     enough = all(
         side.sum() >= max(options.coverage * recording.rate * window, options.degree + 3)
         for side, window in ((before, options.window_before), (after, options.window_after))

@@ -168,8 +168,9 @@ def _blend_weight(time: np.ndarray, recording: Recording, event: int, loads: np.
 
 
 def _mix(courses: np.ndarray, target: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Blend value and deviation to the target; an infinite deviation holds until the weight is one."""
-    inner = (weight > 0) & (weight < 1)
-    mixed = np.where(weight[None, :] < 1, courses, target[:, None])
-    mixed[:, inner] = courses[:, inner] + weight[inner] * (target[:, None] - courses[:, inner])
-    return mixed
+    """Blend value and deviation to the target; a deviation that is infinite on one side jumps at the onset."""
+    blended = np.where(weight < 1, courses, target[:, None])
+    for row, goal in enumerate(target):
+        inner = (weight > 0) & (weight < 1) & np.isfinite(courses[row]) & np.isfinite(goal)
+        blended[row, inner] = courses[row, inner] + weight[inner] * (goal - courses[row, inner])
+    return blended
