@@ -1,0 +1,288 @@
+"""The sections of the page, each from the records it is about; a missing record is said to be missing."""
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from icjax import view
+from icjax.interaction import STATUS, Interaction
+from icjax.recording import Recording
+from icjax.report._page import Section, absent, figure, folded, pairs, paragraph, player, table
+from icjax.results import RESULTS
+from icjax.rollout import SLIP_STATES, Rollout
+
+Recordings = Sequence[Recording]
+Interactions = Sequence[Interaction]
+Rollouts = Sequence[Rollout]
+
+KEY = (
+    '<ul class="key"><li><i style="background:#708aac"></i>finger</li>'
+    '<li><i style="background:#e69f00;opacity:.55"></i>reference pose</li>'
+    '<li><i style="background:#0072b2"></i>measured force</li>'
+    '<li><i style="background:#009e73"></i>simulated force, sticking</li>'
+    '<li><i style="background:#d55e00"></i>simulated force, sliding</li></ul>'
+)
+
+
+def scene(recordings: Recordings, interactions: Interactions, rollouts: Rollouts) -> tuple[Section, str]:
+    """The 3-D view: what was measured, then every rollout, behind tabs. Returns the section and its script."""
+    shown: list[tuple[str, Any]] = []
+    if interactions:
+        shown.append((f"measured ({interactions[0].name})", interactions[0]))
+    elif recordings:
+        first = next((item for item in recordings if item.role == "trial"), recordings[0])
+        shown.append((f"measured ({first.name})", first))
+    shown += [(item.name, item) for item in rollouts]
+    if not shown:
+        return Section(
+            "view", "In three dimensions", absent("Nothing to show: no recording, interaction or rollout.")
+        ), ""
+    frame, script = player([name for name, _ in shown], [view.export_scene(item) for _, item in shown])
+    words = (
+        "Drag to turn, scroll to zoom, use the bar below the picture to move through time. Arrows are contact "
+        "forces on the finger, as long as they are strong. The plate under a measured movement is a "
+        "level plane through the contact points."
+    )
+    return Section("view", "In three dimensions", paragraph(words) + frame + KEY), script
+
+
+def compliance(interactions: Interactions) -> Section:
+    """Table of joint compliance with intervals and counts, and every event behind it."""
+    heading = "Joint compliance"
+    if not interactions:
+        return Section("compliance", heading, absent("No interaction was given, so there is no compliance to show."))
+    interaction = interactions[0]
+    summary, per_event = interaction.summary, interaction.per_event
+    rows = []
+    for column, joint in enumerate(summary.joint_names):
+        status = np.asarray(per_event.status)[:, column] if joint in per_event.joint_names else np.zeros(0, int)
+        counts = [int((status == STATUS.index(name)).sum()) for name in STATUS]
+        low, high = float(summary.lower[column]), float(summary.upper[column])
+        rows.append([joint, _compliance(float(summary.compliance[column])), _interval(low, high), str(counts[0]),
+                     str(counts[1]), str(counts[2]), str(counts[3]), str(int(summary.events[column]))])  # fmt: skip
+    head = ["joint", "compliance (rad/Nm)", "95 % interval", "accepted", "negative", "not excited", "too few samples",
+            "events"]  # fmt: skip
+    body = paragraph(
+        "Compliance is how far a joint yields for each newton metre that contact puts on it (Eq. 1). A contact that "
+        "barely loads a joint says nothing about it and is counted as not excited."
+    )
+    body += table(head, rows)
+    if len(per_event.onset) and per_event.joint_names == summary.joint_names:
+        body += figure(
+            view.svg(
+                view.plot_compliance(per_event, summary), "compliance", "compliance of every joint at every contact"
+            ),
+            "Every contact event. Bars are 95 % intervals of the single fit; the band is that of the summary.",
+        )
+    return Section("compliance", heading, body)
+
+
+def contact(interactions: Interactions) -> Section:
+    """Figure 3 for a good event and Figure 8 for a rejected one."""
+    heading = "At the moment of contact"
+    choices = [(item, *choice) for item in interactions for choice in [representative(item)]]
+    chosen = next(((item, good) for item, good, _ in choices if good is not None), None)
+    rejected = next(((item, bad) for item, _, bad in choices if bad is not None), None)
+    if chosen is None and rejected is None:
+        return Section("contact", heading, absent("There is no contact event with an estimate to show."))
+    body = ""
+    if chosen is not None:
+        item, (event, joint) = chosen
+        drawing = view.plot_contact_event(item, event, joint)
+        body += figure(
+            view.svg(drawing, "accepted", f"{joint} angle and torque at contact"),
+            "As in Figure 3: straight or curved fits before and after contact; the difference of their slopes over the "
+            "slope of the torque is the compliance. The dotted line carries the movement before contact on.",
+        )
+    if rejected is not None:
+        item, (event, joint) = rejected
+        drawing = view.plot_contact_event(item, event, joint)
+        body += figure(
+            view.svg(drawing, "negative", f"{joint} angle and torque at a contact with a negative estimate"),
+            "As in Figure 8: here the joint moves the wrong way for any positive compliance to explain it. The "
+            "coloured line is the reference that 1 rad/Nm would need. The estimate is kept and marked.",
+        )
+    return Section("contact", heading, body)
+
+
+def representative(interaction: Interaction) -> tuple[tuple[int, str] | None, tuple[int, str] | None]:
+    """The accepted event with the best fits, and the negative one with the largest excitation (event, joint).
+
+    Only events of this interaction's own recording are considered, since only its time series is at hand.
+    """
+    per_event = interaction.per_event
+    own = np.array([name == interaction.name for name in per_event.recording], dtype=bool)
+    status, error = np.asarray(per_event.status), np.asarray(per_event.standard_error)
+    if not own.any() or not status.size:
+        return None, None
+    accepted = own[:, None] & (status == STATUS.index("accepted"))
+    negative = own[:, None] & (status == STATUS.index("negative"))
+    precision = np.abs(np.asarray(per_event.compliance)) / np.maximum(error, 1e-9)
+    quality = np.where(np.isfinite(precision), precision, 0.0) * np.nanmin(np.asarray(per_event.r_squared), axis=2)
+    excitation = np.abs(np.nan_to_num(np.asarray(per_event.torque_change)))
+    return _best(accepted, quality, per_event.joint_names), _best(negative, excitation, per_event.joint_names)
+
+
+def _best(mask: np.ndarray, score: np.ndarray, joints: tuple[str, ...]) -> tuple[int, str] | None:
+    if not mask.any():
+        return None
+    event, joint = np.unravel_index(int(np.argmax(np.where(mask, score, -np.inf))), mask.shape)
+    return int(event), joints[int(joint)]
+
+
+def motion(recordings: Recordings, interactions: Interactions) -> Section:
+    """Angles with the reference, and the recording's quality."""
+    body = ""
+    if interactions:
+        body += figure(
+            view.svg(view.plot_angles(interactions[0]), "angles", "joint angles and reference trajectory"),
+            "Measured joint angles and their reference trajectory, where Eq. 1 says the joints would have gone without "
+            "contact. Shaded: contact. Band: 95 % of the reference's stated uncertainty.",
+        )
+    else:
+        body += absent("No interaction was given, so there is no reference trajectory to show.")
+    if recordings:
+        first = next((item for item in recordings if item.role == "trial"), recordings[0])
+        drawing = view.plot_measured_forces(first)
+        body += figure(view.svg(drawing, "measured", "measured contact force"),
+                       f"Contact force of {first.name} with the contacts found in it (shaded).")  # fmt: skip
+        body += table(
+            [
+                "recording",
+                "role",
+                "duration (s)",
+                "rate (Hz)",
+                "contacts",
+                "frames without pose",
+                "marker residual (mm)",
+            ],
+            [_recording_row(item) for item in recordings],
+            words=(0, 1),
+        )
+    else:
+        body += absent("No recording was given.")
+    return Section("motion", "Movement and reference", body)
+
+
+def _recording_row(item: Recording) -> list[str]:
+    residual = np.asarray(item.marker_residual, dtype=float)
+    typical = f"{1e3 * np.nanmedian(residual):.2f}" if np.isfinite(residual).any() else "no markers"
+    duration = float(item.time[-1] - item.time[0])
+    missing = int((~np.asarray(item.valid)).sum())
+    return [item.name, item.role.replace("_", " "), f"{duration:.2f}", f"{item.rate:g}", str(len(item.events.onset)),
+            str(missing), typical]  # fmt: skip
+
+
+def forces(interactions: Interactions, rollouts: Rollouts) -> Section:
+    """Forces and fingertip path before and after transfer."""
+    heading = "Before and after transfer"
+    if not rollouts:
+        return Section("forces", heading, absent("No rollout was given, so nothing was transferred."))
+    measured = interactions[0] if interactions else None
+    body = figure(
+        view.svg(view.plot_forces(measured, tuple(rollouts)), "forces", "contact forces before and after transfer"),
+        "As in Figure 4: contact force on each new surface over the force measured on the original one.",
+    )
+    body += figure(
+        view.svg(view.plot_path(measured, tuple(rollouts)), "path", "path of the fingertip over each surface"),
+        "Lowest point of the undeformed fingertip, seen from the side; below the surface the soft pad is pressed in.",
+    )
+    if measured is None:
+        body += absent("No interaction was given, so the measured forces are not shown.")
+    return Section("forces", heading, body)
+
+
+def rollout_table(rollouts: Rollouts) -> Section:
+    """Whether the simulation can be trusted, a row a rollout, and every failed step."""
+    heading = "Can the simulation be trusted?"
+    if not rollouts:
+        return Section("rollouts", heading, absent("No rollout was given."))
+    head = ["rollout", "steps", "failed", "largest residual", "largest equilibrium error (rad, m)", "deepest gap (mm)",
+            "sticking", "sliding"]  # fmt: skip
+    rows, causes = [], []
+    for item in rollouts:
+        status, state = np.asarray(item.status), np.asarray(item.slip_state)
+        failed = np.flatnonzero(status != 0)
+        closed = max(int((state > 0).any(axis=1).sum()), 1)
+        share = [(state == SLIP_STATES.index(name)).any(axis=1).sum() / closed for name in ("sticking", "sliding")]
+        rows.append([item.name, str(len(status)), str(len(failed)), _largest(item.residual, ".1e"),
+                     _largest(item.equilibrium_error, ".1e"), f"{1e3 * float(np.nanmin(np.asarray(item.gap))):.2f}",
+                     f"{share[0]:.0%}", f"{share[1]:.0%}"])  # fmt: skip
+        causes += [[item.name, f"{float(item.time[k]):.3f}", _cause(int(status[k]))] for k in failed[:20]]
+        if len(failed) > 20:
+            causes.append([item.name, "", f"and {len(failed) - 20} more"])
+    body = paragraph(
+        "The residual is that of the complementarity problem, recomputed from its solution. The equilibrium error "
+        "is what Eq. 7 leaves after a step. The gap is that of the undeformed pad, negative where it is pressed in. "
+        "Sticking and sliding are shares of the steps in contact."
+    )
+    body += table(head, rows)
+    body += (
+        table(["rollout", "time (s)", "cause"], causes, words=(0, 2)) if causes else paragraph("Every step was solved.")
+    )
+    return Section("rollouts", heading, body)
+
+
+def _largest(values: Any, form: str) -> str:
+    numbers = np.abs(np.asarray(values, dtype=float))
+    return format(float(np.nanmax(numbers)), form) if np.isfinite(numbers).any() else "none"
+
+
+def _cause(status: int) -> str:
+    names = [name for name in dir(RESULTS) if not name.startswith("_")]
+    for name in names:
+        member = getattr(RESULTS, name)
+        if getattr(member, "_value", None) is not None and int(np.asarray(member._value)) == status:
+            return f"{name.replace('_', ' ')}: {RESULTS[member]}"
+    return f"status {status}"
+
+
+def provenance(
+    recordings: Recordings,
+    interactions: Interactions,
+    rollouts: Rollouts,
+    metrics: Mapping[str, Any] | None,
+    versions: Mapping[str, str],
+    seed: int | None,
+) -> Section:
+    """Seed, versions, metrics, and everything the records say about where they come from."""
+    body = pairs([("seed", "none stated" if seed is None else str(seed)), *((k, str(v)) for k, v in versions.items())])
+    if metrics:
+        body += "<h3>Metrics</h3>" + table(["metric", "value"], [[k, v] for k, v in _flatten(metrics)])
+    body += "<h3>What the records say</h3>"
+    for kind, items in (("recording", recordings), ("interaction", interactions)):
+        for item in items:
+            body += folded(f"{kind} {item.name}", _pretty(item.provenance))
+    for item in rollouts:
+        body += folded(f"scene of rollout {item.name}", _pretty(item.scene))
+    return Section("provenance", "Where the numbers come from", body)
+
+
+def _pretty(content: str) -> str:
+    try:
+        return json.dumps(json.loads(content), indent=1, ensure_ascii=False)
+    except json.JSONDecodeError:
+        return content or "nothing"
+
+
+def _flatten(values: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
+    flat: list[tuple[str, str]] = []
+    for key, value in values.items():
+        name = f"{prefix}{key}"
+        if isinstance(value, Mapping):
+            flat += _flatten(value, f"{name} › ")
+        else:
+            flat.append((name, f"{value:.4g}" if isinstance(value, float) else str(value)))
+    return flat
+
+
+def _compliance(value: float) -> str:
+    return f"{value:.3f}" if np.isfinite(value) else "not estimated"
+
+
+def _interval(low: float, high: float) -> str:
+    if np.isfinite(low) and np.isfinite(high):
+        return f"{low:.3f} to {high:.3f}"
+    return f"below {high:.3f}" if np.isfinite(high) else "unbounded"

@@ -1,0 +1,138 @@
+"""What the page says first, in plain words."""
+
+import json
+from collections.abc import Sequence
+
+import numpy as np
+
+from icjax.interaction import Interaction
+from icjax.recording import Recording
+from icjax.rollout import Rollout
+from icjax.view import force_components
+
+Recordings = Sequence[Recording]
+Interactions = Sequence[Interaction]
+Rollouts = Sequence[Rollout]
+
+
+def is_simulated(recordings: Recordings, interactions: Interactions) -> bool | None:
+    """What the provenance says about the recording: simulated, not simulated, or nothing (None)."""
+    found = [_find(_parsed(item.provenance), "simulated") for item in (*recordings, *interactions)]
+    known = [value for value in found if isinstance(value, bool)]
+    return any(known) if known else None
+
+
+def lead(recordings: Recordings, interactions: Interactions, rollouts: Rollouts, simulated: bool | None) -> str:
+    """One paragraph: what was recorded, what was read from it, where it was carried."""
+    parts = []
+    kind = {True: "simulated ", False: "", None: ""}[simulated]
+    trials = [item for item in recordings if item.role == "trial"]
+    if recordings:
+        others = len(recordings) - len(trials)
+        contacts = sum(len(item.events.onset) for item in trials)
+        seconds = sum(float(item.time[-1] - item.time[0]) for item in recordings)
+        extra = f" and {_count(others, 'other recording')}" if others else ""
+        parts.append(
+            f"{_count(len(trials), kind + 'trial')}{extra}, {seconds:.1f} s in all, hold {_count(contacts, 'contact')}."
+        )
+    if interactions:
+        found = [
+            f"{joint} {_number(value)}"
+            for joint, value in zip(
+                interactions[0].summary.joint_names, np.asarray(interactions[0].summary.compliance), strict=True
+            )
+        ]
+        parts.append(
+            "From the change of joint angle and torque at each contact the compliance of every joint was read: "
+            + ", ".join(found)
+            + " rad/Nm. With it follows the reference trajectory, where the joints would have gone without contact."
+        )
+    else:
+        parts.append("No interaction has been estimated yet.")
+    if rollouts:
+        names = ", ".join(item.name for item in rollouts)
+        parts.append(
+            f"The interaction was then carried by contact simulation to {_count(len(rollouts), 'scene')}: {names}."
+        )
+    return " ".join(parts)
+
+
+def key_figures(recordings: Recordings, interactions: Interactions, rollouts: Rollouts) -> list[tuple[str, str]]:
+    """The tiles under the title."""
+    figures = []
+    if recordings:
+        forces = [force_components(item)[0].max(initial=0.0) for item in recordings if item.role == "trial"]
+        figures.append((str(sum(len(item.events.onset) for item in recordings if item.role == "trial")), "contacts"))
+        figures.append((f"{max(forces, default=0.0):.2f} N", "largest vertical force"))
+        residual = np.concatenate([np.asarray(item.marker_residual).ravel() for item in recordings])
+        if np.isfinite(residual).any():
+            figures.append((f"{1e3 * np.nanmedian(residual):.2f} mm", "median marker residual"))
+    if interactions:
+        summary = interactions[0].summary
+        accepted, events = int(np.sum(summary.accepted)), int(np.sum(summary.events))
+        figures.append((f"{accepted} of {events}", "joint estimates accepted"))
+    if rollouts:
+        failed = sum(int((np.asarray(item.status) != 0).sum()) for item in rollouts)
+        steps = sum(len(item.time) for item in rollouts)
+        figures.append((f"{failed} of {steps}", "simulation steps failed"))
+    return figures
+
+
+def cautions(interactions: Interactions, rollouts: Rollouts, simulated: bool | None) -> list[str]:
+    """What a reader must know before using the numbers."""
+    said = {
+        True: "The recording is simulated: no person was measured. It shows"
+        " that the program works, not how people move.",
+        False: "The recording is said to be of a real subject.",
+        None: "The recording does not say whether it was measured or simulated.",
+    }
+    points = [said[simulated]]
+    if interactions:
+        points.append(
+            "The intervals cover the scatter between contacts, not the bias of the estimator: inertia, damping and a "
+            "planned change of movement at contact look like compliance and shift every event the same way."
+        )
+        negative = int(np.sum(interactions[0].summary.negative))
+        if negative:
+            points.append(
+                f"{negative} estimates were negative. They are kept and shown; leaving them out of the summary "
+                "biases it upward."
+            )
+    if rollouts:
+        points.append(
+            "The transfer is quasi-static: no inertia and no damping. Expect the largest errors in the first 100 ms of "
+            "a contact."
+        )
+        failed = sum(int((np.asarray(item.status) != 0).sum()) for item in rollouts)
+        if failed:
+            points.append(f"{failed} simulation steps were not solved; see the table of rollouts for times and causes.")
+    return points
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" + ("" if number == 1 else "s")
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}" if np.isfinite(value) else "not estimated"
+
+
+def _parsed(content: str) -> object:
+    try:
+        return json.loads(content)
+    except (json.JSONDecodeError, TypeError):
+        return None
+
+
+def _find(value: object, key: str) -> object:
+    """The first entry named `key` anywhere in nested dictionaries and lists, else None."""
+    if isinstance(value, dict):
+        if key in value:
+            return value[key]
+        value = list(value.values())
+    if isinstance(value, list):
+        for item in value:
+            found = _find(item, key)
+            if found is not None:
+                return found
+    return None

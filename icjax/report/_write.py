@@ -1,0 +1,107 @@
+"""Put the page together and write it."""
+
+import os
+import platform
+import tempfile
+from collections.abc import Mapping, Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from icjax.files import FileError
+from icjax.interaction import Interaction
+from icjax.recording import Recording, Session
+from icjax.report._page import note, page, paragraph, text, tiles
+from icjax.report._sections import compliance, contact, forces, motion, provenance, rollout_table, scene
+from icjax.report._summary import cautions, is_simulated, key_figures, lead
+from icjax.rollout import Rollout
+
+PACKAGES = ("icjax", "jax", "equinox", "numpy", "scipy", "mujoco-core", "viser", "matplotlib")
+
+
+def write_report(
+    path: str | os.PathLike,
+    *,
+    session: Session | Recording | None = None,
+    interactions: Sequence[Interaction] = (),
+    rollouts: Sequence[Rollout] = (),
+    metrics: Mapping[str, Any] | None = None,
+    versions: Mapping[str, str] | None = None,
+    seed: int | None = None,
+    simulated: bool | None = None,
+    title: str | None = None,
+) -> Path:
+    """Write one HTML page that shows what was recorded, estimated and transferred.
+
+    The page opens from disk without a network and holds everything itself: a 3-D view with a time bar, the
+    compliance table with intervals and counts, joint angle and torque at contact (Figure 3), measured and
+    reference angles, forces before and after transfer (Figure 4), diagnostics of every rollout, warnings, and
+    where the numbers come from. What is not given is said to be absent.
+
+    **Arguments**
+
+    - `path`: the file to write (folders are made); complete or not at all.
+    - `session`: a recording or several; `interactions`: estimates, the first one is shown in full.
+    - `rollouts`: the transfers, in the order to show them.
+    - `metrics`: numbers to list, nested as you like; `versions`: by default those of the installed packages.
+    - `seed`: of the demonstration, if one was used.
+    - `simulated`: whether the *recording* came from a simulation; by default what its provenance says, else unknown.
+    - `title`: by default made from the names.
+
+    **Returns**: the path.
+
+    **Errors**: `ImportError` naming the extra ``viz`` where matplotlib or viser is absent; `FileError` where the
+    file cannot be written.
+    """
+    recordings = (session,) if isinstance(session, Recording) else (session.recordings if session else ())
+    interactions, rollouts = tuple(interactions), tuple(rollouts)
+    simulated = is_simulated(recordings, interactions) if simulated is None else simulated
+    name = session.name if session is not None else next((item.name for item in (*interactions, *rollouts)), "nothing")
+    title = title or f"Interaction capture: {name}"
+    frame, script = scene(recordings, interactions, rollouts)
+    sections = [
+        frame,
+        compliance(interactions),
+        contact(interactions),
+        motion(recordings, interactions),
+        forces(interactions, rollouts),
+        rollout_table(rollouts),
+        provenance(recordings, interactions, rollouts, metrics, versions or installed_versions(), seed),
+    ]
+    header = f'<p class="lead">{text(lead(recordings, interactions, rollouts, simulated))}</p>'
+    header += tiles(key_figures(recordings, interactions, rollouts))
+    header += note(cautions(interactions, rollouts, simulated))
+    footer = paragraph(
+        "Written by icjax. Forces act on the subject. Equation and figure numbers are those of Kry and Pai, "
+        "Interaction capture and synthesis, ACM Transactions on Graphics 25(3), 2006."
+    )
+    return _write(Path(path), page(title, name, header, sections, footer, script))
+
+
+def installed_versions() -> dict[str, str]:
+    """Versions of Python and of the packages that made the numbers; absent ones are left out."""
+    found = {"Python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def _write(path: Path, content: str) -> Path:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    except OSError as error:
+        raise FileError(path, f"cannot be written: {error}") from error
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(content)
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise FileError(path, f"cannot be written: {error}") from error
+    finally:
+        Path(temporary).unlink(missing_ok=True)
+    return path

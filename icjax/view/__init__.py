@@ -1,0 +1,14 @@
+"""Pictures of the records: figures (matplotlib), a 3-D scene (viser); both come with the extra ``viz``."""
+
+from icjax.view._contact_plots import plot_compliance as plot_compliance
+from icjax.view._contact_plots import plot_contact_event as plot_contact_event
+from icjax.view._force_plots import force_components as force_components
+from icjax.view._force_plots import plot_forces as plot_forces
+from icjax.view._force_plots import plot_measured_forces as plot_measured_forces
+from icjax.view._motion_plots import plot_angles as plot_angles
+from icjax.view._motion_plots import plot_path as plot_path
+from icjax.view._scene3d import export_scene as export_scene
+from icjax.view._snapshot import draw_snapshot as draw_snapshot
+from icjax.view._snapshot import snapshot as snapshot
+from icjax.view._style import save as save
+from icjax.view._style import svg as svg

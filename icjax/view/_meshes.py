@@ -1,0 +1,42 @@
+"""Triangles of the few solids that the 3-D scene is made of."""
+
+import numpy as np
+
+from icjax.view._skeleton import Bone
+from icjax.view._surfaces import grid_faces
+
+
+def bone_mesh(bone: Bone, rings: int = 7, sectors: int = 20) -> tuple[np.ndarray, np.ndarray]:
+    """Tapered capsule of a bone in its body frame: vertices `[n, 3]` (m), faces `[m, 3]`."""
+    axis = bone.end - bone.start
+    length = float(np.linalg.norm(axis))
+    first, second, axis = _frame(axis / length)
+    polar = np.linspace(0.0, np.pi / 2, rings)
+    heights = np.concatenate([-bone.start_radius * np.cos(polar), length + bone.end_radius * np.sin(polar)])
+    widths = np.concatenate([bone.start_radius * np.sin(polar), bone.end_radius * np.cos(polar)])
+    turn = np.linspace(0.0, 2.0 * np.pi, sectors, endpoint=False)
+    circle = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * second
+    vertices = bone.start + heights[:, None, None] * axis + widths[:, None, None] * circle[None]
+    return vertices.reshape(-1, 3), grid_faces(2 * rings, sectors)[:, ::-1]
+
+
+def _frame(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Right-handed frame whose third direction is `axis`."""
+    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    first = np.cross(helper, axis)
+    first = first / np.linalg.norm(first)
+    return first, np.cross(axis, first), axis
+
+
+def ruled_lines(vertices: np.ndarray, spacing: float) -> np.ndarray:
+    """Lines `[n, 2, 3]` on a rectangle with the given corners `[4, 3]`, `spacing` (m) apart in both directions."""
+    lines = []
+    corner = vertices[0]
+    for along, across in ((vertices[1] - corner, vertices[3] - corner), (vertices[3] - corner, vertices[1] - corner)):
+        length = float(np.linalg.norm(along))
+        count = int(length / spacing + 1e-9)
+        rest = 0.5 * (length - count * spacing)
+        for k in range(count + 1):
+            start = corner + along / length * (rest + k * spacing)
+            lines.append(np.stack([start, start + across]))
+    return np.array(lines)

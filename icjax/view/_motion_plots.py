@@ -1,0 +1,132 @@
+"""Where the joints and the fingertip went, and where they meant to go."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from icjax.interaction import Interaction
+from icjax.rollout import Rollout
+from icjax.view._skeleton import hinge_columns, pad_path, up_direction
+from icjax.view._style import (
+    CONTACT,
+    INK,
+    MEASURED,
+    REFERENCE,
+    SIMULATED,
+    SURFACE,
+    legend_above,
+    new_figure,
+    styled,
+)
+from icjax.view._surfaces import Shape, profile, scene_surfaces, touched_plane
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TOUCH_FORCE = 0.05
+"""N; above this a measured force counts as contact when a figure shades intervals."""
+
+
+def contact_intervals(interaction: Interaction, threshold: float = TOUCH_FORCE) -> list[tuple[float, float]]:
+    """Start and end (s) of every stretch in which some measured contact force exceeds `threshold` (N)."""
+    force = np.linalg.norm(np.nan_to_num(np.asarray(interaction.contact_force, dtype=float)), axis=-1)
+    touching = np.concatenate([[False], (force > threshold).any(axis=1), [False]])
+    edges = np.flatnonzero(np.diff(touching.astype(int)))
+    time = np.asarray(interaction.time, dtype=float)
+    last = len(time) - 1
+    return [
+        (float(time[start]), float(time[min(stop, last)])) for start, stop in zip(edges[::2], edges[1::2], strict=True)
+    ]
+
+
+@styled
+def plot_angles(interaction: Interaction) -> "Figure":
+    """Joint angles as measured and their reference trajectory theta_r = theta - C tau (Eq. 1), a row a joint.
+
+    Shaded: contact. Band: 95 % of the reference's stated uncertainty (its standard deviation times 1.96).
+    """
+    joints = hinge_columns(interaction.model)
+    time = np.asarray(interaction.time, dtype=float)
+    intervals = contact_intervals(interaction)
+    figure = new_figure(7.6, 0.5 + 1.25 * len(joints))
+    axes = figure.subplots(len(joints), 1, sharex=True, squeeze=False)[:, 0]
+    for axis, (name, coordinate, dof) in zip(axes, joints, strict=True):
+        for start, stop in intervals:
+            axis.axvspan(start, stop, color=CONTACT, alpha=0.8, lw=0)
+        reference = np.degrees(np.asarray(interaction.reference, dtype=float)[:, coordinate])
+        spread = 1.96 * np.degrees(np.asarray(interaction.reference_sd, dtype=float)[:, dof])
+        axis.fill_between(time, reference - spread, reference + spread, color=REFERENCE, alpha=0.22, lw=0)
+        axis.plot(time, np.degrees(np.asarray(interaction.q)[:, coordinate]), color=MEASURED, label="measured θ")
+        axis.plot(time, reference, color=REFERENCE, ls=(0, (4, 2)), label="reference θr")
+        axis.set_ylabel(f"{name} (deg)")
+        axis.margins(x=0.0)
+    axes[-1].set_xlabel("time (s)")
+    figure.align_ylabels(list(axes))
+    legend_above(axes[0])
+    return figure
+
+
+@styled
+def plot_path(interaction: Interaction | None, rollouts: tuple[Rollout, ...] = ()) -> "Figure":
+    """Path of the fingertip over each surface, seen from the side; both axes in mm at the same scale.
+
+    The lines are the pad's lowest point (its centre less its radius along the vertical); a pad pressed into a
+    surface therefore runs slightly below it.
+
+    **Errors**: `ValueError` where there is neither an interaction nor a rollout.
+    """
+    if interaction is None and not rollouts:
+        raise ValueError("nothing to draw: give an interaction or at least one rollout")
+    model = interaction.model if interaction is not None else rollouts[0].model
+    up = up_direction(model)
+    drop = (float(model.pad_radius[0]) if len(model.pad_names) else 0.0) * up
+    measured = None if interaction is None else pad_path(model, interaction.q) - drop
+    panels: list[tuple[str, tuple[Shape, ...], np.ndarray | None, str]] = [
+        (item.name, scene_surfaces(item.scene), pad_path(item.model, item.q) - drop, SIMULATED[i % len(SIMULATED)])
+        for i, item in enumerate(rollouts)
+    ]
+    if not panels and interaction is not None:
+        panels = [(interaction.name, touched_plane(interaction), None, MEASURED)]
+    paths = [path for path in (measured, *(panel[2] for panel in panels)) if path is not None]
+    everything = np.concatenate(paths)
+    everything = everything[np.isfinite(everything).all(axis=1)]
+    along = _main_direction(everything, up)
+    origin = everything.mean(axis=0)
+
+    distance, levels = (everything - origin) @ along, (everything - origin) @ up
+    reach = np.linspace(distance.min() - 0.01, distance.max() + 0.01, 400)
+    heights = [profile(panel[1], origin, along, up, reach) for panel in panels]
+    lowest = [float(np.nanmin(height)) for height in heights if np.isfinite(height).any()]
+    floor = min([float(levels.min()), *lowest]) - 0.006
+    ceiling = float(levels.max()) + 0.004
+    shape = np.clip((ceiling - floor) / (reach[-1] - reach[0]), 0.12, 0.5)
+    figure = new_figure(7.6, 0.3 + len(panels) * (0.35 + 6.6 * float(shape)))
+    axes = figure.subplots(len(panels), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+    for axis, height, (title, _, path, colour) in zip(axes, heights, panels, strict=True):
+        axis.fill_between(1e3 * reach, 1e3 * floor, 1e3 * height, color=SURFACE, lw=0)
+        axis.plot(1e3 * reach, 1e3 * height, color="#8C8371", lw=1.0)
+        if measured is not None:
+            axis.plot(*_cut(measured, origin, along, up), color=MEASURED, lw=1.0, label="measured")
+        if path is not None:
+            axis.plot(*_cut(path, origin, along, up), color=colour, lw=1.3, label="simulated")
+        axis.set_title(title, color=INK)
+        axis.set_ylabel("height (mm)")
+        axis.set_aspect("equal")
+        axis.set_ylim(1e3 * floor, 1e3 * ceiling)
+        axis.set_xlim(1e3 * reach[0], 1e3 * reach[-1])
+        legend_above(axis)
+    axes[-1].set_xlabel("distance along the stroke (mm)")
+    return figure
+
+
+def _main_direction(points: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Horizontal unit direction in which the points spread most."""
+    level = points - points.mean(axis=0)
+    level = level - np.outer(level @ up, up)
+    direction = np.linalg.svd(level, full_matrices=False)[2][0]
+    largest = np.argmax(np.abs(direction))
+    return direction * np.sign(direction[largest])
+
+
+def _cut(path: np.ndarray, origin: np.ndarray, along: np.ndarray, up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return 1e3 * (path - origin) @ along, 1e3 * (path - origin) @ up

@@ -1,0 +1,241 @@
+"""A record in three dimensions, played over time in the browser: viser's static export, one self-contained page."""
+
+import contextlib
+import io
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from icjax.interaction import Interaction
+from icjax.recording import Recording
+from icjax.rollout import SLIP_STATES, Rollout
+from icjax.view._extras import require
+from icjax.view._meshes import bone_mesh, ruled_lines
+from icjax.view._skeleton import body_poses, bones, up_direction
+from icjax.view._style import MEASURED, REFERENCE, SLIDING, STICKING
+from icjax.view._surfaces import Bump, Shape, bump_mesh, patch_mesh, surfaces_of
+
+BODY_COLOUR = (112, 138, 172)
+PLATE_COLOUR = (186, 176, 158)
+BUMP_COLOUR = (166, 150, 122)
+MARKER_COLOUR = (40, 44, 52)
+
+
+class _Frames(NamedTuple):
+    """What the scene shows, frame by frame (NumPy, world)."""
+
+    time: np.ndarray
+    rotation: np.ndarray
+    position: np.ndarray
+    ghost_rotation: np.ndarray | None
+    ghost_position: np.ndarray | None
+    force: np.ndarray
+    point: np.ndarray
+    colour: np.ndarray
+    markers: np.ndarray | None
+
+
+def export_scene(
+    record: Recording | Interaction | Rollout,
+    *,
+    frames: int = 200,
+    rate: float = 30.0,
+    markers: bool = False,
+    surfaces: tuple[Shape, ...] | None = None,
+) -> str:
+    """A page with the record in 3-D, a time bar and a play button, that opens from disk with no network.
+
+    The body is drawn as capsules between body origins, the reference pose as a translucent ghost, every contact
+    force as an arrow from the contact point, coloured by its slip state in a rollout. Surfaces come from a
+    rollout's scene; with a measured record they are a level patch through the contact points. A server is opened
+    on this machine only (127.0.0.1, a free port) while the page is made, and closed again.
+
+    **Arguments**
+
+    - `frames`: most frames kept; `rate`: most frames a second. Frames are picked, not averaged.
+    - `markers`: draw the measured markers (a `Recording` only).
+    - `surfaces`: draw these instead.
+
+    **Returns**: the HTML text, about 0.9 MB, most of which is the viewer itself.
+
+    **Errors**: `ValueError` where no frame has a pose; `ImportError` naming the extra where viser is absent.
+    """
+    viser = require("viser")
+    shown = _pick(record, frames, rate, markers)
+    shapes = surfaces_of(record) if surfaces is None else surfaces
+    with contextlib.redirect_stdout(io.StringIO()):
+        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        try:
+            return _record_scene(server, record, shown, shapes)
+        finally:
+            server.stop()
+
+
+def _pick(record: Recording | Interaction | Rollout, frames: int, rate: float, markers: bool) -> _Frames:
+    q = np.asarray(record.q, dtype=float)
+    good = np.flatnonzero(np.isfinite(q).all(axis=1))
+    if not len(good):
+        raise ValueError(f"{record.name}: no frame has a pose, there is nothing to show")
+    time = np.asarray(record.time, dtype=float)[good]
+    count = int(np.clip((time[-1] - time[0]) * rate, 2, frames)) if len(good) > 1 else 1
+    picks = good[np.unique(np.searchsorted(time, np.linspace(time[0], time[-1], count)))]
+    rotation, position = body_poses(record.model, q[picks])
+    ghost: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
+    if not isinstance(record, Recording):
+        ghost = body_poses(record.model, np.asarray(record.reference, dtype=float)[picks])
+    force = np.nan_to_num(np.asarray(record.contact_force, dtype=float)[picks])
+    palette = np.array([_rgb(MEASURED), _rgb(STICKING), _rgb(SLIDING)])
+    state = np.zeros(force.shape[:2], int)
+    if isinstance(record, Rollout):
+        state = np.asarray(record.slip_state)[picks]
+        assert SLIP_STATES.index("sticking") == 1, "the palette follows SLIP_STATES"
+    seen = None
+    if markers and isinstance(record, Recording):
+        seen = np.asarray(record.markers, dtype=float)[picks]
+    point = np.asarray(record.contact_point, dtype=float)[picks]
+    times = np.asarray(record.time, dtype=float)[picks]
+    return _Frames(times, rotation, position, ghost[0], ghost[1], force, point, palette[state], seen)
+
+
+def _record_scene(server: Any, record: Recording | Interaction | Rollout, shown: _Frames, shapes: Any) -> str:
+    focus, size = _framing(record, shown)
+    up = up_direction(record.model)
+    along = _view_axis(shown, up)
+    server.scene.set_up_direction(tuple(up))
+    server.scene.configure_default_lights(enabled=True, cast_shadow=False)
+    side = np.cross(up, along)
+    server.initial_camera.look_at = focus
+    server.initial_camera.position = focus + size * (-2.7 * side + 0.9 * along + 1.0 * up)
+    server.initial_camera.fov = 0.6
+    server.initial_camera.near = 0.02 * size
+    _add_surfaces(server, shapes, focus, size, along)
+    nodes = _add_body(server, record, "body", BODY_COLOUR, 1.0)
+    ghosts = _add_body(server, record, "reference", _rgb(REFERENCE), 0.3) if shown.ghost_position is not None else {}
+    largest = float(np.linalg.norm(shown.force, axis=-1).max(initial=0.0))
+    arrows = _Arrows(server, size, 0.75 * size / largest if largest > 0 else 0.0)
+    quaternions = _quaternions(shown.rotation)
+    ghost_positions = shown.position if shown.ghost_position is None else shown.ghost_position
+    ghost_quaternions = quaternions if shown.ghost_rotation is None else _quaternions(shown.ghost_rotation)
+
+    def place(k: int) -> None:
+        for body, node in nodes.items():
+            node.wxyz, node.position = quaternions[k, body], shown.position[k, body]
+        for body, node in ghosts.items():
+            node.wxyz, node.position = ghost_quaternions[k, body], ghost_positions[k, body]
+        arrows.show(shown.point[k], shown.force[k], shown.colour[k])
+        if shown.markers is not None:
+            found = shown.markers[k][np.isfinite(shown.markers[k]).all(axis=1)]
+            cloud = server.scene.add_point_cloud
+            cloud("/markers", found, MARKER_COLOUR, point_size=0.025 * size, point_shape="circle", precision="float32")
+
+    place(0)
+    serializer = server.get_scene_serializer()
+    for k in range(1, len(shown.time)):
+        serializer.insert_sleep(float(shown.time[k] - shown.time[k - 1]))
+        place(k)
+    if len(shown.time) > 1:
+        serializer.insert_sleep(float(shown.time[-1] - shown.time[-2]))
+    return serializer.as_html()
+
+
+class _Arrows:
+    """Contact force arrows; a slot whose force is too small to see is hidden."""
+
+    def __init__(self, server: Any, size: float, metres_per_newton: float):
+        self.server, self.size, self.scale = server, size, metres_per_newton
+        self.nodes: dict[int, Any] = {}
+
+    def show(self, point: np.ndarray, force: np.ndarray, colour: np.ndarray) -> None:
+        for slot in range(len(force)):
+            length = float(np.linalg.norm(force[slot])) * self.scale
+            seen = bool(length > 0.02 * self.size and np.isfinite(point[slot]).all())
+            node = self.nodes.get(slot)
+            if not seen:
+                if node is not None and node.visible:
+                    node.visible = False
+                continue
+            points = np.stack([point[slot], point[slot] + self.scale * force[slot]])[None].astype(np.float32)
+            if node is None:
+                self.nodes[slot] = self.server.scene.add_arrows(
+                    f"/force/{slot}",
+                    points,
+                    tuple(int(value) for value in colour[slot]),
+                    shaft_radius=0.014 * self.size,
+                    head_radius=0.034 * self.size,
+                    head_length=0.085 * self.size,
+                )
+                continue
+            node.points, node.colors = points, colour[slot].astype(np.uint8)
+            if not node.visible:
+                node.visible = True
+
+
+def _add_body(server: Any, record: Any, name: str, colour: tuple[int, int, int], opacity: float) -> dict[int, Any]:
+    nodes: dict[int, Any] = {}
+    for index, bone in enumerate(bones(record.model)):
+        path = f"/{name}/{record.model.body_names[bone.body].replace('/', '-')}"
+        if bone.body not in nodes:
+            nodes[bone.body] = server.scene.add_frame(path, show_axes=False)
+        vertices, faces = bone_mesh(bone)
+        server.scene.add_mesh_simple(
+            f"{path}/{index}",
+            vertices,
+            faces,
+            color=colour,
+            opacity=None if opacity == 1.0 else opacity,
+            cast_shadow=opacity == 1.0,
+        )
+    return nodes
+
+
+def _add_surfaces(server: Any, shapes: tuple[Shape, ...], focus: np.ndarray, size: float, along: np.ndarray) -> None:
+    for index, shape in enumerate(shapes):
+        if isinstance(shape, Bump):
+            vertices, faces = bump_mesh(shape)
+            server.scene.add_mesh_simple(f"/surface/{index}", vertices, faces, color=BUMP_COLOUR, side="double")
+            continue
+        vertices, faces = patch_mesh(shape, focus, (1.15 * size, 0.7 * size), along)
+        server.scene.add_mesh_simple(f"/surface/{index}", vertices, faces, color=PLATE_COLOUR, side="double")
+        lines = ruled_lines(vertices, _round_down(0.2 * size)) + 0.002 * size * shape.normal
+        server.scene.add_line_segments(
+            f"/surface/{index}/ruling", lines, (150, 140, 122), thickness=1.0, thickness_units="screen"
+        )
+
+
+def _framing(record: Any, shown: _Frames) -> tuple[np.ndarray, float]:
+    """Point to look at and half the size of what moves near it; the root's far end may leave the picture."""
+    parts = bones(record.model)
+    if not parts:
+        return np.zeros(3), 0.1
+    shown_parts = parts[1:] if len(parts) > 3 else parts
+    points = []
+    for part in shown_parts:
+        origin, turn = shown.position[:, part.body], shown.rotation[:, part.body]
+        points += [origin + turn @ part.start, origin + turn @ part.end]
+    cloud = np.concatenate(points)
+    low, high = cloud.min(axis=0), cloud.max(axis=0)
+    return 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
+
+
+def _view_axis(shown: _Frames, up: np.ndarray) -> np.ndarray:
+    """Horizontal direction from the first to the last body, seen from the side; x where they coincide."""
+    reach = shown.position[0, -1] - shown.position[0, min(1, shown.position.shape[1] - 1)]
+    reach = reach - up * (reach @ up)
+    if np.linalg.norm(reach) < 1e-6:
+        reach = np.eye(3)[int(np.argmin(np.abs(up)))]
+        reach = reach - up * (reach @ up)
+    return reach / np.linalg.norm(reach)
+
+
+def _quaternions(rotation: np.ndarray) -> np.ndarray:
+    return require("viser.transforms").SO3.from_matrix(rotation).wxyz
+
+
+def _round_down(value: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that does not exceed `value`."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(step for step in (1.0, 2.0, 5.0) if step * power <= value * (1 + 1e-9)) * power)
+
+
+def _rgb(colour: str) -> tuple[int, int, int]:
+    return (int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16))
