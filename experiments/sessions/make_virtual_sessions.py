@@ -54,9 +54,8 @@ def subject_model(hand: dict, subject: str) -> str:
 
 def _body(hand, name, start, stop, joint, offset=(0.0, 0.0, 0.0), indent="    "):
     lines = [f'{indent}<body name="{name}" pos="{_row(offset)}">', f"{indent}  {joint}"]
-    lines.append(
-        f'{indent}  <geom type="cylinder" fromto="{start!r} 0 0 {stop!r} 0 0" size="{THICKNESS[name]!r}" density="1000"/>'
-    )
+    place = f'fromto="{start!r} 0 0 {stop!r} 0 0" size="{THICKNESS[name]!r}"'
+    lines.append(f'{indent}  <geom type="cylinder" {place} density="1000"/>')
     for number, place in enumerate(hand["markers"][name], 1):
         lines.append(f'{indent}  <site name="{name}{number}" pos="{_row(place)}"/>')
     return "\n".join(lines) + "\n"

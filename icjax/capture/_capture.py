@@ -5,8 +5,6 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from icjax.capture._contact_point import contact_points
@@ -14,16 +12,17 @@ from icjax.capture._events import contact_events, force_course
 from icjax.capture._filters import lowpass
 from icjax.capture._joint_angles import JointAngles, joint_angles
 from icjax.capture._load import load_trial
+from icjax.capture._pose import pad_centres
 from icjax.capture._sensors import SensorWrench, sensor_wrench
 from icjax.capture._spec import SessionSpec, TrialSpec
 from icjax.capture._synchronise import on_marker_clock
 from icjax.files import FileError, MotionFile
-from icjax.model import Model, pad_positions
+from icjax.model import Model
 from icjax.recording import ContactEvents, Recording, SensorChannels, Session
 
 
 def capture(
-    spec: SessionSpec, progress: Callable[[str, float], None] | None = None, trials: tuple[str, ...] | None = None
+    spec: SessionSpec, progress: Callable[[float], object] | None = None, trials: tuple[str, ...] | None = None
 ) -> Session:
     """Read, calibrate and synchronise every trial of a session and solve its joint angles, contacts and events.
 
@@ -31,8 +30,7 @@ def capture(
     (`contact_events`); low-pass, onto the marker clock (`on_marker_clock`); contact points (`contact_points`).
     A force is zero where nothing touches. Markers: `joint_angles`.
 
-    **Arguments**: `spec` from `read_session`; `progress` is told the trial and the finished fraction of the
-    session; `trials` names those wanted, default all.
+    **Arguments**: `spec` from `read_session`; `progress` is told the finished fraction of the session; `trials` names those wanted, default all.
 
     **Errors**: `FileError`, one line, for every file or session entry that cannot be used.
     """
@@ -43,9 +41,9 @@ def capture(
     recordings = []
     for index, trial in enumerate(wanted):
 
-        def told(fraction: float, name: str = trial.name, index: int = index) -> None:
+        def told(fraction: float, index: int = index) -> None:
             if progress is not None:
-                progress(name, (index + fraction) / len(wanted))
+                progress((index + fraction) / len(wanted))
 
         recordings.append(capture_trial(spec, trial, told))
     return Session(name=spec.name, subject=spec.subject, recordings=tuple(recordings))
@@ -139,12 +137,8 @@ def _target(model: Model, target: str, q: np.ndarray) -> tuple[str, np.ndarray |
     if target not in model.pad_names:
         return target, None, 0.0
     pad = model.pad(target)
-    centres = jax.jit(jax.vmap(lambda item: pad_positions(model, item)))(jnp.asarray(q))
-    return (
-        model.body_names[model.pad_bodies[pad]],
-        np.asarray(centres)[:, pad],
-        float(np.asarray(model.pad_radius)[pad]),
-    )
+    radius = float(np.asarray(model.pad_radius)[pad])
+    return model.body_names[model.pad_bodies[pad]], pad_centres(model, q)[:, pad], radius
 
 
 def _moment_noise(sensor: SensorWrench, cutoff: float) -> float:

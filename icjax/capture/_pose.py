@@ -1,8 +1,7 @@
 """From markers to joint angles: one nonlinear least-squares problem a frame, all frames at once."""
 
-import functools
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -12,7 +11,7 @@ from jaxtyping import Bool, Float
 
 from icjax.capture._registration import start_coordinates
 from icjax.inference import covariance, least_squares
-from icjax.model import Model, difference, forward_kinematics, integrate
+from icjax.model import Model, forward_kinematics, integrate, pad_positions, world_jacobian
 from icjax.results import RESULTS
 
 BLOCK = 512
@@ -60,27 +59,38 @@ def solve_poses(
     told = progress or (lambda fraction: None)
     if start is None:
         start = _spread_start(model, sites, markers, weight)
-    parts = []
-    for first in range(0, len(markers), BLOCK):
-        part = slice(first, first + BLOCK)
-        parts.append(_solve_block(model, sites, start[part], markers[part], weight[part]))
-        told(min(1.0, (first + BLOCK) / len(markers)))
-    return PoseSolution(*(np.concatenate(items) for items in zip(*parts, strict=True)))
+    total = -(-len(markers) // BLOCK)
+    finished = 0
+
+    def solve(*block):
+        nonlocal finished
+        solved = jax.block_until_ready(_compiled(model, sites, *block))
+        finished += 1
+        told(finished / total)
+        return solved
+
+    return PoseSolution(*by_blocks(solve, start, markers, weight))
 
 
 def _spread_start(model: Model, sites: tuple[int, ...], markers: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """Solutions of at most one block of frames spread over the trial, interpolated to all frames."""
     count = len(markers)
     complete = np.flatnonzero(weight.sum(axis=1) >= weight.sum(axis=1).max())
-    chosen = np.unique(complete[np.linspace(0, len(complete) - 1, min(len(complete), BLOCK // 4)).astype(int)])
+    chosen = np.unique(complete[np.linspace(0, len(complete) - 1, min(len(complete), BLOCK)).astype(int)])
     guess = start_coordinates(model, sites, markers[chosen], weight[chosen])
-    found = _solve_block(model, sites, guess, markers[chosen], weight[chosen])
-    error = np.sqrt(np.mean(weight[chosen][:, :, None] * (markers[chosen] - found.predicted) ** 2, axis=(1, 2)))
+
+    def solve(q):
+        return PoseSolution(*by_blocks(lambda *block: _compiled(model, sites, *block), q, observed, weights))
+
+    observed, weights = markers[chosen], weight[chosen]
+    found = solve(guess)
+    error = np.sqrt(np.mean(weights[:, :, None] * (observed - found.predicted) ** 2, axis=(1, 2)))
     near = _wrapped(model, found.q)
     good = error <= 3 * np.median(error)
-    again = near[good][np.argmin(np.abs(chosen[:, None] - chosen[good][None, :]), axis=1)]
-    found = _solve_block(model, sites, again, markers[chosen], weight[chosen])
-    q = _continuous(model, _wrapped(model, found.q))
+    if not good.all():
+        again = near[good][np.argmin(np.abs(chosen[:, None] - chosen[good][None, :]), axis=1)]
+        near = _wrapped(model, solve(again).q)
+    q = _continuous(model, near)
     frames = np.arange(count)
     start = np.stack([np.interp(frames, chosen, column) for column in q.T], axis=1)
     for kind, part in zip(model.joint_types, model.coordinate_slices, strict=True):
@@ -111,22 +121,14 @@ def _continuous(model: Model, q: np.ndarray) -> np.ndarray:
     return q
 
 
-def _solve_block(
-    model: Model, sites: tuple[int, ...], start: np.ndarray, markers: np.ndarray, weight: np.ndarray
-) -> PoseSolution:
-    count = len(start)
-    filled = [_padded(np.asarray(array), BLOCK) for array in (start, markers, weight)]
-    solved = _compiled(model, sites, *(jnp.asarray(array) for array in filled))
-    return PoseSolution(*(np.asarray(item)[:count] for item in solved))
-
-
 def _padded(array: np.ndarray, length: int) -> np.ndarray:
     return np.concatenate([array, np.repeat(array[-1:], length - len(array), axis=0)])
 
 
-@functools.partial(eqx.filter_jit)
+@eqx.filter_jit
 def _compiled(model: Model, sites: tuple[int, ...], start, markers, weight):
     bodies = np.asarray(model.site_bodies)[list(sites)]
+    moves = model.path_mask[bodies]
     places = jnp.asarray(model.site_position)[np.asarray(sites)]
 
     def predicted(q):
@@ -138,18 +140,25 @@ def _compiled(model: Model, sites: tuple[int, ...], start, markers, weight):
         observed, w = data
         return (jnp.sqrt(w)[:, None] * (predicted(q)[0] - observed)).reshape(-1)
 
+    def jacobian(q, data):
+        points, _ = predicted(q)
+        twists = world_jacobian(model, q).T
+        velocities = twists[None, :, 3:] + jnp.cross(twists[None, :, :3], points[:, None, :])
+        masked = (jnp.sqrt(data[1])[:, None] * moves)[:, :, None] * velocities
+        return jnp.swapaxes(masked, 1, 2).reshape(-1, model.nv)
+
     solution = least_squares(
-        residual, start, (markers, weight), nv=model.nv, retract=lambda q, dq: integrate(model, q, dq)
+        residual,
+        start,
+        (markers, weight),
+        nv=model.nv,
+        retract=lambda q, dq: integrate(model, q, dq),
+        jacobian=jacobian,
     )
     q = solution.value.value
     places_W, rotations = jax.vmap(predicted)(q)
-    return (
-        q,
-        solution.value.information,
-        places_W,
-        rotations,
-        jax.vmap(lambda item: item == RESULTS.solved)(solution.result),
-    )
+    solved = jax.vmap(lambda item: item == RESULTS.solved)(solution.result)
+    return q, solution.value.information, places_W, rotations, solved
 
 
 def pose_covariance(
@@ -159,11 +168,25 @@ def pose_covariance(
 
     **Returns** the covariance (rad2, m2) and which frames determine every coordinate.
     """
-    cov, determined = covariance(jnp.asarray(information), float(sd) ** 2, WIDEST)
-    return np.asarray(cov), np.asarray(determined)
+    return by_blocks(lambda block: covariance(block, np.float64(sd) ** 2, WIDEST), information)
+
+
+def pad_centres(model: Model, q: Float[np.ndarray, "frame nq"]) -> Float[np.ndarray, "frame pad 3"]:
+    """World positions of the centres of the pads in every frame, m."""
+    return by_blocks(lambda block: _pad_centres(model, block), q)
 
 
 @eqx.filter_jit
-def pose_difference(model: Model, q_from, q_to):
-    """`difference` of every frame, `[frame, nv]`."""
-    return jax.vmap(lambda a, b: difference(model, a, b))(q_from, q_to)
+def _pad_centres(model: Model, q):
+    return jax.vmap(lambda item: pad_positions(model, item))(q)
+
+
+def by_blocks(function: Callable[..., Any], *arrays: np.ndarray) -> Any:
+    """Apply a function to blocks of `BLOCK` frames, the last one filled up, and join what it returns."""
+    count = len(arrays[0])
+    parts = []
+    for first in range(0, count, BLOCK):
+        filled = [_padded(np.asarray(array[first : first + BLOCK]), BLOCK) for array in arrays]
+        result = function(*(jnp.asarray(array) for array in filled))
+        parts.append(jax.tree.map(lambda item, first=first: np.asarray(item)[: count - first], result))
+    return jax.tree.map(lambda *items: np.concatenate(items), *parts)

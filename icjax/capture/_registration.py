@@ -1,5 +1,8 @@
-"""A first guess of the pose of a frame: the root body laid onto its markers."""
+"""A first guess of the pose of a frame: every free body laid onto its markers."""
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -13,31 +16,44 @@ def start_coordinates(
     markers: Float[np.ndarray, "frame marker 3"],
     weight: Float[np.ndarray, "frame marker"],
 ) -> Float[np.ndarray, "frame nq"]:
-    """Neutral joints, with a free root joint moved so that the root body's sites lie on their markers.
+    """Neutral joints, with every free joint moved so that its body's sites lie on their markers.
 
-    Where the root body carries fewer than three visible markers, all markers are used. A model without free root
-    starts neutral.
+    Where such a body carries fewer than three visible markers, those of all bodies behind it are used. Joints other
+    than free ones start neutral.
     """
     q = np.tile(np.asarray(neutral(model)), (len(markers), 1))
-    if not model.joint_types or model.joint_types[0] != "free":
-        return q
-    poses = forward_kinematics(model, neutral(model))
+    poses = _neutral_poses(model)
     bodies = np.asarray(model.site_bodies)[list(sites)]
-    root = model.joint_bodies[0]
     rotation, position = np.asarray(poses.rotation), np.asarray(poses.position)
     local = np.asarray(model.site_position)[list(sites)]
     world = np.einsum("sij,sj->si", rotation[bodies], local) + position[bodies]
-    own = (world - position[root]) @ rotation[root]
-    for frame in range(len(markers)):
-        seen = weight[frame] > 0
-        use = seen & (bodies == root)
-        if use.sum() < 3:
-            use = seen
-        if use.sum() >= 3:
-            R, p = rigid_registration(own[use], markers[frame, use])
-            q[frame, :3] = p
-            q[frame, 3:7] = np.asarray(rotation_to_quaternion(R))
+    path = np.asarray(model.path_mask)
+    for joint, root in enumerate(model.joint_bodies):
+        if model.joint_types[joint] != "free":
+            continue
+        behind = path[bodies, model.dof_slices[joint].start] > 0
+        own = (world - position[root]) @ rotation[root]
+        place = model.coordinate_slices[joint].start
+        turns = np.tile(rotation[root], (len(markers), 1, 1))
+        for frame in range(len(markers)):
+            seen = behind & (weight[frame] > 0)
+            use = seen & (bodies == root)
+            if use.sum() < 3:
+                use = seen
+            if use.sum() >= 3:
+                turns[frame], q[frame, place : place + 3] = rigid_registration(own[use], markers[frame, use])
+        q[:, place + 3 : place + 7] = np.asarray(_quaternions(jnp.asarray(turns)))
     return q
+
+
+@eqx.filter_jit
+def _neutral_poses(model: Model):
+    return forward_kinematics(model, neutral(model))
+
+
+@eqx.filter_jit
+def _quaternions(rotations):
+    return jax.vmap(rotation_to_quaternion)(rotations)
 
 
 def rigid_registration(
