@@ -2,6 +2,7 @@
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from icjax import lcp
@@ -58,7 +59,8 @@ def solve(
     length, compliance = _scales(problem, cone)
     M, q = assemble(_dimensionless(problem, length, compliance), facets)
     q = jnp.where(jnp.any(problem.friction < 0), jnp.nan, q)
-    solution = lcp.solve(M, q, solver, throw=throw)
+    nudge = _perturbation(problem.active, cone)
+    solution = lcp.solve(M, q, solver, perturbation=nudge, throw=throw)
 
     z = solution.value
     beta, slip_multiplier = z[: count * size].reshape(count, size), z[count * size :]
@@ -94,6 +96,23 @@ def _scales(problem: ContactProblem, cone):
     live_count = jnp.maximum(jnp.sum(problem.active) * diagonal.shape[1], 1)
     compliance = jnp.sum(jnp.where(live, diagonal, 0.0)) / live_count
     return _power_of_two(lax.stop_gradient(length)), _power_of_two(lax.stop_gradient(compliance))
+
+
+def _perturbation(active, cone):
+    """Perturbation of q that a small random free displacement makes: it leaves physical contact states only.
+
+    A sticking contact whose tangential force is zero, or along one facet, is degenerate as an LCP though its force is a
+    smooth function. A perturbation by ``D^T xi`` puts both tangential directions into the basis, as perturbations
+    independent for opposite tangents would not. A much smaller one of sigma keeps frictionless contacts from cycling.
+    """
+    count, _, directions = cone.D.shape
+    random = np.random.default_rng(2006)
+    xi = random.uniform(0.5, 1.0, (count, 3)) * random.choice([-1.0, 1.0], (count, 3))
+    D = lax.stop_gradient(cone.D)
+    nu = jnp.einsum("iaj,ia->ij", D, jnp.asarray(xi, D.dtype))
+    nu = jnp.where(active[:, None], nu, 1.0)
+    sigma = jnp.asarray(random.uniform(1e-6, 2e-6, count), D.dtype)
+    return jnp.concatenate([nu.reshape(-1), sigma])
 
 
 def _power_of_two(x):

@@ -6,9 +6,11 @@ The dictionary writes the n basic variables as affine functions of the n + 1 oth
     basic = table[:, :n+1] @ nonbasic + table[:, n]        (and one more column, see below)
 
 A pivot exchanges one basic with one nonbasic variable and rewrites the n x (n + 3) table in one pass. The last
-column carries a random positive perturbation of q: where the first ratio test ties, the perturbation decides, so that
-a degenerate problem does not cycle (with probability one in exact arithmetic) at a cost of O(n) instead of
-the O(n^2) of the lexicographic test that it replaces.
+column carries a perturbation p: the method follows the problem with ``q + eps p`` in the limit eps -> 0+. Where the
+ratio test ties, the perturbation decides, so that a degenerate problem does not cycle (with probability one for a
+random p, in exact arithmetic) at a cost of O(n) instead of the O(n^2) of the lexicographic test that it replaces.
+The final basis is one of the perturbed problem; a caller that knows which perturbations are physical thereby
+chooses the basis, and with it the derivative, of a degenerate solution.
 
 Variables are numbered w: 0 .. n-1, z: n .. 2n-1, z0: 2n.
 """
@@ -78,17 +80,25 @@ class _Walk(NamedTuple):
 _RUNNING = -1
 
 
-def lemke(solver: Lemke, M: Float[Real, "n n"], q: Float[Real, " n"]) -> Outcome:
-    """Solves a finite LCP whose entries are of order one; retries with other covering vectors until solved."""
+def lemke(
+    solver: Lemke, M: Float[Real, "n n"], q: Float[Real, " n"], perturbation: Float[Real, " n"] | None = None
+) -> Outcome:
+    """Solves a finite LCP whose entries are of order one; retries with other covering vectors until solved.
+
+    The first attempt follows the given perturbation to its end; the others follow random positive ones, and let z0
+    leave as soon as it can.
+    """
     n = q.shape[0]
     random = np.random.default_rng(20061)
     covers = np.concatenate([np.ones((1, n)), random.uniform(0.2, 1.0, (max(solver.attempts - 1, 0), n))])
     keys = random.uniform(1.0, 2.0, (covers.shape[0], n))
     covers, keys = jnp.asarray(covers, q.dtype), jnp.asarray(keys, q.dtype)
+    if perturbation is not None:
+        keys = keys.at[0].set(perturbation)
     tolerance = solver.resolved_tolerance(q.dtype)
 
     def attempt(best: Outcome) -> Outcome:
-        walk = _walk(solver, M, q, covers[best.attempts], keys[best.attempts])
+        walk = _walk(solver, M, q, covers[best.attempts], keys[best.attempts], best.attempts > 0)
         z, basis = _point(walk)
         ended = walk.code == SOLVED
         found = residual(M, q, z)
@@ -116,7 +126,7 @@ def lemke(solver: Lemke, M: Float[Real, "n n"], q: Float[Real, " n"]) -> Outcome
     return lax.while_loop(lambda best: (best.code != SOLVED) & (best.attempts < covers.shape[0]), attempt, start)
 
 
-def _walk(solver: Lemke, M, q, cover, key) -> _Walk:
+def _walk(solver: Lemke, M, q, cover, key, hasty) -> _Walk:
     """One run of pivots from z = 0 along the almost complementary path of one covering vector."""
     n = q.shape[0]
     artificial = 2 * n
@@ -134,11 +144,11 @@ def _walk(solver: Lemke, M, q, cover, key) -> _Walk:
         step = jnp.min(jnp.where(blocking, jnp.maximum(constant, 0.0) / descent, jnp.inf))
         left = constant - jnp.where(blocking, step, 0.0) * descent
         tied = blocking & (left <= slack * (1.0 + jnp.abs(constant)))
-        is_artificial = labels[:n] == artificial
-        # z0 leaves as soon as it can: then the point solves the problem.
-        second = jnp.where(tied, jnp.where(is_artificial, -jnp.inf, perturbation / descent), jnp.inf)
-        vanished = is_artificial & (constant <= slack) & (jnp.abs(column) > smallest)
-        second = jnp.where(vanished, -jnp.inf, second)
+        # A vanished z0 can leave at once, at either sign of its pivot: the point already solves the problem.
+        vanished = (labels[:n] == artificial) & (constant <= slack) & (jnp.abs(column) > smallest)
+        vanished = vanished & (hasty | ~jnp.any(blocking))
+        second = jnp.where(tied, perturbation / descent, jnp.inf)
+        second = jnp.where(vanished | (hasty & tied & (labels[:n] == artificial)), -jnp.inf, second)
         row = jnp.argmin(second).astype(jnp.int32)
         ray = ~jnp.any(tied | vanished)
         table, labels = _exchange(table, labels, row, walk.entering, column)

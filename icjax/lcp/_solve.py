@@ -19,6 +19,7 @@ def solve(
     q: Float[Real, " n"],
     solver: Lemke = Lemke(),
     *,
+    perturbation: Float[Real, " n"] | None = None,
     throw: bool = False,
 ) -> Solution[Any]:
     """Finds z with ``z >= 0, Mz + q >= 0, z^T (Mz + q) = 0`` by Lemke's method.
@@ -29,14 +30,16 @@ def solve(
 
     The derivative is exact on the final basis B, the rows whose z is basic:
     ``dz_B = -M_BB^-1 (dM z + dq)_B`` and zero elsewhere, in forward and reverse mode, of any order, under `vmap`, `jit`
-    and `scan`. Where z and Mz + q vanish together (weak complementarity) it is one-sided. Differentiation never
-    changes the forward result. The derivative of a failed solve is zero, never NaN: look at `result` before using it.
+    and `scan`. Where a z and its Mz + q vanish together (weak complementarity) the basis, and so the derivative, is that of
+    the problem with ``q + eps perturbation``, eps -> 0+: one-sided in general. Differentiation never changes the
+    forward result. The derivative of a failed solve is zero, never NaN: look at `result` before using it.
 
     **Arguments**
 
     - `M`: `[n, n]`; n may be 0.
     - `q`: `[n]`.
     - `solver`: see [`Lemke`].
+    - `perturbation`: `[n]` or None for a random positive one; breaks ties.
     - `throw`: raise an error instead of returning a failed status.
 
     **Returns**: a `Solution` with the value z `[n]` (at failure the best point met, at invalid input zeros),
@@ -52,7 +55,8 @@ def solve(
         raise ValueError(f"M must be [n, n] and q [n]; got M {np.shape(M)} and q {np.shape(q)}")
     dtype = jnp.result_type(M, q, jnp.finfo(jnp.result_type(float)).dtype if _integral(M, q) else q)
     M, q = jnp.asarray(M, dtype), jnp.asarray(q, dtype)
-    outcome = _solve(solver, M, q)
+    p = None if perturbation is None else lax.stop_gradient(jnp.asarray(perturbation, dtype))
+    outcome = _solve(solver, M, q, p)
     result = _result(outcome.code)
     stats = {
         "residual": residual(lax.stop_gradient(M), lax.stop_gradient(q), lax.stop_gradient(outcome.z)),
@@ -67,7 +71,13 @@ def solve(
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
-def _solve(solver: Lemke, M, q) -> Outcome:
+def _solve(solver: Lemke, M, q, perturbation) -> Outcome:
+    return _primal(solver, M, q, perturbation)
+
+
+@partial(jax.jit, static_argnums=0)
+def _primal(solver: Lemke, M, q, perturbation) -> Outcome:
+    """Compiled on its own, so that calls outside `jit` do not compile the loop again."""
     n = q.shape[0]
     if n == 0:
         none = jnp.array(0, jnp.int32)
@@ -76,7 +86,7 @@ def _solve(solver: Lemke, M, q) -> Outcome:
     M = jnp.where(valid, M, jnp.eye(n, dtype=M.dtype))
     q = jnp.where(valid, q, 1.0)
     size_M, size_q = _power_of_two(jnp.max(jnp.abs(M))), _power_of_two(jnp.max(jnp.abs(q)))
-    outcome = lemke(solver, M / size_M, q / size_q)
+    outcome = lemke(solver, M / size_M, q / size_q, perturbation)
     return outcome._replace(
         z=outcome.z * (size_q / size_M),
         code=jnp.where(valid, outcome.code, INVALID),
@@ -87,9 +97,9 @@ def _solve(solver: Lemke, M, q) -> Outcome:
 @_solve.defjvp
 def _solve_jvp(solver: Lemke, primals, tangents):
     """Calls the differentiable function itself, so that the rule can be differentiated again."""
-    M, q = primals
-    M_dot, q_dot = tangents
-    outcome = _solve(solver, M, q)
+    M, q, perturbation = primals
+    M_dot, q_dot, _ = tangents
+    outcome = _solve(solver, M, q, perturbation)
     z, basis = outcome.z, outcome.basis
     if q.shape[0] == 0:
         z_dot = q_dot
