@@ -30,7 +30,8 @@ def capture(
     (`contact_events`); low-pass, onto the marker clock (`on_marker_clock`); contact points (`contact_points`).
     A force is zero where nothing touches. Markers: `joint_angles`.
 
-    **Arguments**: `spec` from `read_session`; `progress` is told the finished fraction of the session; `trials` names those wanted, default all.
+    **Arguments**: `spec` from `read_session`; `progress` is told the finished fraction of the session; `trials` names
+    those wanted, default all.
 
     **Errors**: `FileError`, one line, for every file or session entry that cannot be used.
     """

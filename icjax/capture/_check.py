@@ -1,0 +1,183 @@
+"""What a session means, in words, and what looks wrong in its files."""
+
+import dataclasses
+
+import numpy as np
+
+from icjax.capture._capture import session_markers
+from icjax.capture._load import load_trial
+from icjax.capture._sensors import sensor_wrench
+from icjax.capture._spec import SessionSpec, SourceSpec, TrialSpec
+from icjax.files import FileError, MotionFile
+
+ERROR, SUSPICIOUS = "error: ", "suspicious: "
+"""How lines begin that name what capture would refuse, and what it would accept but a person should look at."""
+
+EXTENT = (0.001, 50.0)
+"""m; markers of one trial that spread over less or more are probably in another unit."""
+
+MANY_GAPS = 0.2
+"""Share of frames without a marker from which on it is worth a line of its own."""
+
+BASELINE = 10.0
+"""An unloaded force above ten times the noise is an offset worth knowing (it is subtracted)."""
+
+FLAT_TOP = 10
+"""Successive samples that equal the largest value of a channel: it saturates."""
+
+
+def check(spec: SessionSpec) -> list[str]:
+    """Lines of text: what was understood of a session and its files, trial by trial.
+
+    Rates, durations, units as found, channels, plates, gaps, baselines before taring; then lines that begin with
+    "suspicious: " (markers in the file that the session does not use are named without it) and "error: " for what
+    `capture` would refuse. Nothing is written.
+    """
+    model = spec.model
+    roles = [trial.role for trial in spec.trials]
+    counts = ", ".join(f"{roles.count(role)} {role}" for role in dict.fromkeys(roles))
+    lines = [
+        f"session '{spec.name}' of subject '{spec.subject}' ({spec.path.name}): {counts}",
+        f"model {spec.model_source}: bodies {', '.join(model.body_names[1:])}; joints "
+        + ", ".join(f"{name} ({kind})" for name, kind in zip(model.joint_names, model.joint_types, strict=True)),
+        f"{len(spec.markers)} markers, placed to {1e3 * spec.placement_sd:g} mm",
+        f"zero-phase low-pass: markers {spec.filter.markers:g} Hz, forces {spec.filter.forces:g} Hz, "
+        f"events {spec.filter.events:g} Hz (cut-off after both passes)",
+    ]
+    lines += [_source_line(source) for source in spec.sources]
+    lines += [SUSPICIOUS + text for text in _session_doubts(spec)]
+    for trial in spec.trials:
+        try:
+            motion = load_trial(spec, trial)
+            lines += [f"trial '{trial.name}' ({trial.role}): {text}" for text in _understood(spec, motion)]
+            doubts = _marker_doubts(spec, motion) + _force_doubts(spec, trial, motion)
+            lines += [f"{SUSPICIOUS}trial '{trial.name}': {text}" for text in doubts]
+            session_markers(spec, motion, trial.markers)
+        except FileError as error:
+            lines.append(f"{ERROR}{error}")
+    return lines
+
+
+def _source_line(source: SourceSpec) -> str:
+    what = f"plate {source.plate} of the file" if source.kind == "force_plate" else ", ".join(source.channels)
+    tare = ", ".join(f"{a:g} to {b:g} s" for a, b in source.tare) or "none"
+    place = "" if source.kind == "force_plate" else f", moments about {source.position} m"
+    return f"source '{source.name}': {source.kind} ({what}), force {source.sign.replace('_', ' ')}{place}; tare {tare}"
+
+
+def _session_doubts(spec: SessionSpec) -> list[str]:
+    model = spec.model
+    doubts = []
+    for source in spec.sources:
+        if not source.tare and not all(trial.tare for trial in spec.trials):
+            doubts.append(f"source '{source.name}' has no tare window; its offset stays in the forces")
+    if not any(trial.role == "catch" for trial in spec.trials):
+        doubts.append("no catch trials: a planned deceleration cannot be told from compliance")
+    marked = {model.site_bodies[model.site(site)] for _, site in spec.markers}
+    for index, name in enumerate(model.body_names[1:], 1):
+        if index not in marked:
+            doubts.append(f"body '{name}' carries no marker; its joint is known only through other bodies")
+    return doubts
+
+
+def _understood(spec: SessionSpec, motion: MotionFile) -> list[str]:
+    time = motion.marker_time
+    lines = [
+        f"{len(time)} frames at {motion.marker_rate:g} Hz, {time[0]:g} to {time[-1]:g} s, "
+        f"{len(motion.marker_names)} markers in {motion.marker_unit or 'an unstated unit'}"
+    ]
+    if motion.analog.size:
+        names = ", ".join(
+            f"{name} ({unit or '?'})" for name, unit in zip(motion.analog_names, motion.analog_units, strict=True)
+        )
+        lines.append(f"{len(motion.analog_time)} analog samples at {motion.analog_rate:g} Hz: {names}")
+    for number, plate in enumerate(motion.plates, 1):
+        corners = plate.corners
+        sides = np.linalg.norm(corners[0] - corners[1]), np.linalg.norm(corners[0] - corners[3])
+        centre = ", ".join(f"{value:.3f}" for value in corners.mean(axis=0))
+        lines.append(
+            f"force plate {number}: type {plate.type}, {sides[0]:.3f} by {sides[1]:.3f} m, centre ({centre}) m"
+        )
+    gaps = []
+    for label, _ in spec.markers:
+        if label in motion.marker_names:
+            gone = int((~np.isfinite(motion.marker(label)).all(axis=1)).sum())
+            if gone:
+                gaps.append(f"{label} {100 * gone / len(time):.1f} %")
+    lines.append("gaps: " + (", ".join(gaps) if gaps else "none"))
+    used = {label for label, _ in spec.markers}
+    unused = [name for name in motion.marker_names if name not in used]
+    if unused:
+        lines.append(f"markers not used: {', '.join(unused)}")
+    lines += [f"note: {note}" for note in motion.notes]
+    return lines
+
+
+def _marker_doubts(spec: SessionSpec, motion: MotionFile) -> list[str]:
+    doubts = []
+    known = [label for label, _ in spec.markers if label in motion.marker_names]
+    for label in known:
+        share = float(np.mean(~np.isfinite(motion.marker(label)).all(axis=1)))
+        if MANY_GAPS < share < 1:
+            doubts.append(f"marker '{label}' is missing in {100 * share:.0f} % of the frames")
+        if share < 1 and len(motion.marker_time) > 1 and float(np.nanmax(np.nanstd(motion.marker(label), axis=0))) == 0:
+            doubts.append(f"marker '{label}' never moves, not even by noise")
+    if known:
+        places = np.concatenate([motion.marker(label) for label in known])
+        places = places[np.isfinite(places).all(axis=1)]
+        if len(places):
+            extent = float(np.max(places.max(axis=0) - places.min(axis=0)))
+            if not EXTENT[0] <= extent <= EXTENT[1]:
+                doubts.append(f"markers spread over {extent:g} m; is the unit {motion.marker_unit or '?'} right?")
+    return doubts
+
+
+def _force_doubts(spec: SessionSpec, trial: TrialSpec, motion: MotionFile) -> list[str]:
+    doubts = []
+    for name, _ in trial.touches:
+        source = spec.source(name)
+        sensor = sensor_wrench(motion, trial, source, spec.path)
+        used = motion.plates[source.plate - 1].channels if source.plate else _columns(motion, source)
+        for column in used:
+            channel = motion.analog[:, column]
+            label = motion.analog_names[column]
+            if not np.isfinite(channel).any():
+                doubts.append(f"channel '{label}' is empty")
+                continue
+            if float(np.nanstd(channel)) == 0:
+                doubts.append(f"channel '{label}' is constant")
+            elif _saturates(channel):
+                doubts.append(
+                    f"channel '{label}' stays at its largest value {np.nanmax(np.abs(channel)):g}; saturated?"
+                )
+        if sensor.unloaded.any():
+            quiet = sensor.wrench[sensor.unloaded, 3:]
+            offset = np.linalg.norm(_untared(spec, trial, motion, source)[sensor.unloaded, 3:].mean(axis=0))
+            noise = float(np.sqrt(np.mean(np.var(quiet, axis=0))))
+            if noise > 0 and offset > BASELINE * noise:
+                doubts.append(f"source '{name}' reads {offset:.3g} N unloaded (noise {noise:.2g} N); tared")
+            size = np.linalg.norm(sensor.wrench[:, 3:], axis=1)
+            if trial.role == "trial" and np.nanmax(size) < BASELINE * noise:
+                doubts.append(f"source '{name}' is never loaded")
+    return doubts
+
+
+def _untared(spec: SessionSpec, trial: TrialSpec, motion: MotionFile, source: SourceSpec) -> np.ndarray:
+    return sensor_wrench(
+        motion, dataclasses.replace(trial, tare=()), dataclasses.replace(source, tare=()), spec.path
+    ).wrench
+
+
+def _columns(motion: MotionFile, source: SourceSpec) -> tuple[int, ...]:
+    return tuple(motion.analog_names.index(name) for name in source.channels)
+
+
+def _saturates(channel: np.ndarray) -> bool:
+    """Whether a channel rests at one of its extremes."""
+    for extreme in (np.nanmax(channel), np.nanmin(channel)):
+        at = np.concatenate([[0], (channel == extreme).astype(int), [0]])
+        edges = np.diff(at)
+        lengths = np.flatnonzero(edges == -1) - np.flatnonzero(edges == 1)
+        if extreme != 0 and len(lengths) and lengths.max() >= FLAT_TOP:
+            return True
+    return False
