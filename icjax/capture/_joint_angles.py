@@ -69,9 +69,10 @@ def joint_angles(
     weight = np.where(_long_gaps(seen, rate), 0.0, ones)
     second = solve_poses(model, sites, filtered, weight, raw.q, progress=lambda done: told(0.6 + 0.4 * done))
     sd = _marker_sd(second, filtered, weight, model.nv)
-    covariance, determined = pose_covariance(second.information, max(sd, FIRST_SD))
-    if sd < FIRST_SD:
-        covariance, _ = pose_covariance(second.information, sd)
+    known = sd if np.isfinite(sd) else FIRST_SD  # without a redundant marker nothing is left over to judge by
+    covariance, determined = pose_covariance(second.information, max(known, FIRST_SD))
+    if known < FIRST_SD:
+        covariance, _ = pose_covariance(second.information, known)
     offsets, _ = pose_covariance(second.information, placement_sd)
     usable = determined & second.converged
     variances = np.diagonal(offsets, axis1=1, axis2=2)
@@ -113,11 +114,15 @@ def _long_gaps(seen: np.ndarray, rate: float) -> np.ndarray:
 
 
 def _marker_sd(poses: PoseSolution, markers: np.ndarray, weight: np.ndarray, nv: int) -> float:
-    """Standard deviation per axis of markers about their mean place on their body."""
+    """Standard deviation per axis of markers about their mean place on their body, NaN if none is redundant.
+
+    Frames in which too few markers are seen to determine the pose say nothing and are left out.
+    """
     used = weight > 0
+    used &= (3 * used.sum(axis=1) >= nv)[:, None]
     beside = np.einsum("fmji,fmj->fmi", poses.rotations, markers - poses.predicted)
     count = used.sum(axis=0)
     mean = np.sum(np.where(used[:, :, None], beside, 0.0), axis=0) / np.maximum(count, 1)[:, None]
     squares = np.sum(np.where(used[:, :, None], (beside - mean) ** 2, 0.0))
-    freedom = 3 * used.sum() - nv * len(markers) - 3 * np.sum(count > 0)
+    freedom = 3 * used.sum() - nv * used.any(axis=1).sum() - 3 * np.sum(count > 0)
     return float(np.sqrt(squares / freedom)) if freedom > 0 else float("nan")
