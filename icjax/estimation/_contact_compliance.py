@@ -152,7 +152,7 @@ def _at_event(
         rise.coefficients,
     )
     least = max(options.excitation * rise.noise, options.least_torque)
-    if abs(torque_change) <= least or abs(rise.slope) <= options.excitation * rise.slope_se:
+    if abs(torque_change) <= least or abs(rise.slope) <= options.excitation * rise.slope_noise:
         return _Estimate(np.nan, np.inf, NOT_EXCITED, *fits)
     compliance = change.change / rise.slope
     error = float(np.hypot(change.change_se, compliance * rise.slope_se) / abs(rise.slope))

@@ -27,6 +27,7 @@ class Rise(NamedTuple):
     slope: float
     slope_se: float
     noise: float
+    slope_noise: float
     r_squared: float
 
 
@@ -74,16 +75,22 @@ def fit_slope_change(
 def fit_rise(s: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"], degree: int) -> Rise:
     """`y = sum_{k >= 1} c_k s^k`: the torque is zero at contact. The slope there is `c_1`.
 
-    `noise` is the standard deviation of one sample about the fit. Errors as in `fit_slope_change`.
+    The standard error is as in `fit_slope_change` and contains what the polynomial cannot follow. `noise` does
+    not: it is the standard deviation of one sample from second differences, in which a smooth course cancels
+    (their mean square is 6 sigma^2 for white noise), and `slope_noise` is what it alone does to the slope.
     """
     scale = s[-1]
     design = _powers(s / scale, degree)
     solution, covariance = _least_squares(design, y)
     residual = y - design @ solution
-    variance, counts = fit_variance(degree, residual)
-    error = np.sqrt(covariance[0, 0] * counts) / scale
+    _, counts = fit_variance(degree, residual)
+    error = float(np.sqrt(covariance[0, 0] * counts) / scale)
+    noise = float(np.sqrt(np.mean(np.diff(y, 2) ** 2) / 6.0))
+    noise_error = float(np.sqrt(covariance[0, 0])) * noise / scale
     coefficients = np.concatenate([[0.0], solution * scale ** -np.arange(1.0, degree + 1)])
-    return Rise(coefficients, float(coefficients[1]), float(error), float(np.sqrt(variance)), _r_squared(y, residual))
+    total, left = float(y @ y), float(residual @ residual)  # about zero: the fit has no constant
+    quality = 1.0 - left / total if total > 0 else 1.0
+    return Rise(coefficients, float(coefficients[1]), error, noise, noise_error, quality)
 
 
 def fit_variance(parameters: int, *residuals: np.ndarray, least: float = 0.0) -> tuple[float, float]:
@@ -92,8 +99,8 @@ def fit_variance(parameters: int, *residuals: np.ndarray, least: float = 0.0) ->
     Serial correlation rho of first order widens the variance of slow trends by F = (1 + rho) / (1 - rho), and
     the fitted coefficients, being slow trends, take F times their share of it out of the residuals: with n
     samples and p parameters the residual sum of squares is (n - p F) sigma^2 and the lag-one correlation r of the
-    residuals satisfies r (1 - p F / n) = rho - p F / n. Both are solved for sigma^2 and rho >= 0 (p F <= 0.9 n).
-    Filtered data, and a polynomial too stiff for the data, thus count as fewer samples than there are frames.
+    residuals satisfies r (1 - p F / n) = rho - p F / n. Both are solved for sigma^2 and rho >= 0. Filtered data,
+    and a polynomial too stiff for the data, thus count as n / F samples, but as p + 1 at least.
 
     **Returns** sigma^2 (at least `least`) and F sigma^2.
     """
@@ -102,11 +109,12 @@ def fit_variance(parameters: int, *residuals: np.ndarray, least: float = 0.0) ->
     if power == 0.0:
         return least, least
     found = sum(float(r[1:] @ r[:-1]) for r in residuals) / power
+    most = max(count / (parameters + 1), 1.0)
     factor, share = 1.0, parameters / count
     for _ in range(50):
-        share = min(parameters * factor / count, 0.9)
-        rho = min(max(found + (1.0 - found) * share, 0.0), 0.99)
-        factor = (1.0 + rho) / (1.0 - rho)
+        rho = min(max(found + (1.0 - found) * share, 0.0), 0.999)
+        factor = min((1.0 + rho) / (1.0 - rho), most)
+        share = parameters * factor / count
     variance = max(power / (count * (1.0 - share)), least)
     return variance, factor * variance
 

@@ -69,9 +69,21 @@ def test_r_squared_of_a_constant():
 
 
 def test_variance_of_a_fit():
-    """No parameters: the mean square, and (1 + rho) / (1 - rho) of it; negative correlation does not narrow."""
+    """No parameters: the mean square, and (1 + rho) / (1 - rho) = 5 of it, bounded by one sample in three."""
     assert fit_variance(2, np.zeros(5)) == (0.0, 0.0)
     assert fit_variance(2, np.zeros(5), least=0.1) == (0.1, 0.1)
     assert fit_variance(0, np.array([1.0, -1.0, 1.0])) == (1.0, 1.0)
-    assert fit_variance(0, np.array([1.0, 1.0, 1.0])) == pytest.approx((1.0, 5.0))
-    assert fit_variance(0, np.array([1.0, 1.0, 1.0]), least=2.0) == pytest.approx((2.0, 10.0))
+    assert fit_variance(0, np.array([1.0, 1.0, 1.0])) == pytest.approx((1.0, 3.0))
+    assert fit_variance(0, np.array([1.0, 1.0, 1.0]), least=2.0) == pytest.approx((2.0, 6.0))
+
+
+def test_noise_is_told_from_a_course_that_the_polynomial_cannot_follow():
+    """A rise that saturates: the line misses it by 20 %, yet the noise found is the 1e-3 that was added.
+
+    Second differences of 1000 samples: 5 % is about 1.5 standard deviations of the estimate.
+    """
+    s = np.arange(1, 1001) / 10000.0
+    noisy = np.tanh(s / 0.05) + 1e-3 * np.random.default_rng(2).standard_normal(len(s))
+    rise = fit_rise(s, noisy, 1)
+    assert rise.noise == pytest.approx(1e-3, rel=0.05)
+    assert rise.slope_noise < rise.slope_se / 10
