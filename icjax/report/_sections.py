@@ -231,12 +231,12 @@ def _largest(values: Any, form: str) -> str:
 
 
 def _cause(status: int) -> str:
-    names = [name for name in dir(RESULTS) if not name.startswith("_")]
-    for name in names:
-        member = getattr(RESULTS, name)
-        if getattr(member, "_value", None) is not None and int(np.asarray(member._value)) == status:
-            return f"{name.replace('_', ' ')}: {RESULTS[member]}"
-    return f"status {status}"
+    """What a status number means: the name and message of the member of `RESULTS` with that value."""
+    known = {int(np.asarray(member._value)): (name, RESULTS[member]) for name, member in RESULTS._name_to_item.items()}
+    if status not in known:
+        return f"status {status}"
+    name, message = known[status]
+    return f"{name.replace('_', ' ')}: {message}"
 
 
 def provenance(

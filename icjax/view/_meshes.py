@@ -20,6 +20,22 @@ def bone_mesh(bone: Bone, rings: int = 7, sectors: int = 20) -> tuple[np.ndarray
     return vertices.reshape(-1, 3), grid_faces(2 * rings, sectors)[:, ::-1]
 
 
+def arrow_meshes(
+    shaft_radius: float, head_radius: float, head_length: float, sectors: int = 20
+) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """Shaft of unit length from the origin along z, and head whose middle is at the origin: (vertices, faces) each."""
+    turn = np.linspace(0.0, 2.0 * np.pi, sectors, endpoint=False)
+    circle = np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=-1)
+
+    def turned(profile: list[tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
+        rings = [radius * circle + np.array([0.0, 0.0, height]) for radius, height in profile]
+        return np.concatenate(rings), grid_faces(len(profile), sectors)[:, ::-1]
+
+    shaft = turned([(0.0, 0.0), (shaft_radius, 0.0), (shaft_radius, 1.0), (0.0, 1.0)])
+    back = -0.5 * head_length
+    return shaft, turned([(0.0, back), (head_radius, back), (head_radius, back), (0.0, back + head_length)])
+
+
 def _frame(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Right-handed frame whose third direction is `axis`."""
     helper = np.eye(3)[int(np.argmin(np.abs(axis)))]

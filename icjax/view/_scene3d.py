@@ -10,7 +10,7 @@ from icjax.interaction import Interaction
 from icjax.recording import Recording
 from icjax.rollout import SLIP_STATES, Rollout
 from icjax.view._extras import require
-from icjax.view._meshes import bone_mesh, ruled_lines
+from icjax.view._meshes import arrow_meshes, bone_mesh, ruled_lines
 from icjax.view._skeleton import body_poses, bones, up_direction
 from icjax.view._style import MEASURED, REFERENCE, SLIDING, STICKING
 from icjax.view._surfaces import Bump, Shape, bump_mesh, patch_mesh, surfaces_of
@@ -112,7 +112,7 @@ def _record_scene(server: Any, record: Recording | Interaction | Rollout, shown:
     nodes = _add_body(server, record, "body", BODY_COLOUR, 1.0)
     ghosts = _add_body(server, record, "reference", _rgb(REFERENCE), 0.3) if shown.ghost_position is not None else {}
     largest = float(np.linalg.norm(shown.force, axis=-1).max(initial=0.0))
-    arrows = _Arrows(server, size, 0.75 * size / largest if largest > 0 else 0.0)
+    arrows = _Arrows(server, size, 0.8 * size / largest if largest > 0 else 0.0, shown.colour)
     quaternions = _quaternions(shown.rotation)
     ghost_positions = shown.position if shown.ghost_position is None else shown.ghost_position
     ghost_quaternions = quaternions if shown.ghost_rotation is None else _quaternions(shown.ghost_rotation)
@@ -139,35 +139,48 @@ def _record_scene(server: Any, record: Recording | Interaction | Rollout, shown:
 
 
 class _Arrows:
-    """Contact force arrows; a slot whose force is too small to see is hidden."""
+    """Contact force arrows, one for each slot and colour, shown or hidden and stretched.
 
-    def __init__(self, server: Any, size: float, metres_per_newton: float):
-        self.server, self.size, self.scale = server, size, metres_per_newton
-        self.nodes: dict[int, Any] = {}
+    Meshes that are moved and scaled: viser's own arrows change their arrays in place, which also changes the copy
+    that a recording has already taken.
+    """
+
+    def __init__(self, server: Any, size: float, metres_per_newton: float, colours: np.ndarray):
+        self.size, self.scale = size, metres_per_newton
+        self.nodes: dict[tuple[int, tuple[int, int, int]], tuple[Any, Any, Any]] = {}
+        shaft, head = arrow_meshes(0.016 * size, 0.04 * size, 0.1 * size)
+        for slot in range(colours.shape[1]):
+            for colour in sorted({_tuple(value) for value in colours[:, slot]}):
+                path = "/force/{}-{:02x}{:02x}{:02x}".format(slot, *colour)
+                self.nodes[slot, colour] = (
+                    server.scene.add_frame(path, show_axes=False, visible=False),
+                    server.scene.add_mesh_simple(f"{path}/shaft", *shaft, color=colour),
+                    server.scene.add_mesh_simple(f"{path}/head", *head, color=colour),
+                )
 
     def show(self, point: np.ndarray, force: np.ndarray, colour: np.ndarray) -> None:
-        for slot in range(len(force)):
-            length = float(np.linalg.norm(force[slot])) * self.scale
-            seen = bool(length > 0.02 * self.size and np.isfinite(point[slot]).all())
-            node = self.nodes.get(slot)
-            if not seen:
-                if node is not None and node.visible:
-                    node.visible = False
-                continue
-            points = np.stack([point[slot], point[slot] + self.scale * force[slot]])[None].astype(np.float32)
-            if node is None:
-                self.nodes[slot] = self.server.scene.add_arrows(
-                    f"/force/{slot}",
-                    points,
-                    tuple(int(value) for value in colour[slot]),
-                    shaft_radius=0.014 * self.size,
-                    head_radius=0.034 * self.size,
-                    head_length=0.085 * self.size,
-                )
-                continue
-            node.points, node.colors = points, colour[slot].astype(np.uint8)
-            if not node.visible:
-                node.visible = True
+        """Show the forces of one frame; a force too small to see is hidden."""
+        for (slot, own), (node, shaft, head) in self.nodes.items():
+            size = float(np.linalg.norm(force[slot]))
+            length = size * self.scale
+            seen = length > 0.05 * self.size and bool(np.isfinite(point[slot]).all()) and _tuple(colour[slot]) == own
+            node.visible = seen
+            if seen:
+                node.position, node.wxyz = point[slot], _from_z(force[slot] / size)
+                shaft.scale = (1.0, 1.0, length)
+                head.position = (0.0, 0.0, length)
+
+
+def _from_z(direction: np.ndarray) -> np.ndarray:
+    """Shortest rotation from +z to a unit vector, as a quaternion (w, x, y, z)."""
+    if direction[2] < -1.0 + 1e-9:
+        return np.array([0.0, 1.0, 0.0, 0.0])
+    quaternion = np.array([1.0 + direction[2], -direction[1], direction[0], 0.0])
+    return quaternion / np.linalg.norm(quaternion)
+
+
+def _tuple(colour: np.ndarray) -> tuple[int, int, int]:
+    return (int(colour[0]), int(colour[1]), int(colour[2]))
 
 
 def _add_body(server: Any, record: Any, name: str, colour: tuple[int, int, int], opacity: float) -> dict[int, Any]:
