@@ -3,8 +3,9 @@
 import numpy as np
 from jaxtyping import Float
 
-TWO_PASS = 0.802
-"""(sqrt 2 - 1)^(1/4): a second-order Butterworth applied forward and backward has its half-power frequency there."""
+TWO_PASS = (2**0.5 - 1) ** 0.25
+"""0.802: a second-order Butterworth filter applied forward and backward has its half-power frequency at this share
+of its own."""
 
 
 def lowpass(
@@ -12,22 +13,22 @@ def lowpass(
 ) -> Float[np.ndarray, "sample *channel"]:
     """Butterworth filter of second order, forward and backward, with the stated cut-off *after* both passes.
 
-    |H|^2 of the two passes together is 1/2 at `cutoff`, so each pass is designed for cutoff / 0.802. The filter
-    has no delay and keeps straight lines. NaN samples stay NaN and do not spread: every finite run of a channel is
+    The gain of the two passes together is 1/sqrt 2 at `cutoff`, so each pass is designed for cutoff / 0.802 (the
+    division is made in tan(pi f / rate), the frequency of the bilinear transform). The filter has no delay and keeps straight lines. NaN samples stay NaN and do not spread: every finite run of a channel is
     filtered by itself.
 
     **Arguments**: `values` `[sample, ...]`; `rate` and `cutoff` in Hz.
 
-    **Errors**: `ValueError` when the cut-off of one pass reaches half the sampling rate.
+    **Errors**: `ValueError` when the cut-off reaches half the sampling rate.
 
     **Source**: Winter 2009, Biomechanics and Motor Control of Human Movement, section 3.4.4.2.
     """
     from scipy.signal import butter
 
-    relative = cutoff / TWO_PASS / (rate / 2)
-    if not 0 < relative < 1:
-        raise ValueError(f"cutoff {cutoff:g} Hz is too high for the rate {rate:g} Hz (limit {0.4 * rate:g} Hz)")
-    sos = butter(2, relative, output="sos")
+    if not 0 < cutoff < rate / 2:
+        raise ValueError(f"cutoff {cutoff:g} Hz is too high for the rate {rate:g} Hz (it must be below half of it)")
+    relative = 2 / np.pi * np.arctan(np.tan(np.pi * cutoff / rate) / TWO_PASS)
+    sos = np.asarray(butter(2, relative, output="sos"))
     flat = np.array(values, dtype=float).reshape(len(values), -1)
     pad = int(np.ceil(3 * rate / cutoff))
     whole = np.isfinite(flat).all(axis=0)
@@ -54,10 +55,10 @@ def runs(mask: np.ndarray) -> list[tuple[int, int]]:
 def noise_gain(rate: float, cutoff: float) -> float:
     """Standard deviation of white noise after `lowpass`, relative to before: sqrt of the mean of |H|^2 over frequency.
 
-    |H|^2 = 1 / (1 + (f / f_1)^4)^2 for the two passes, f_1 the cut-off of one.
+    |H|^2 = 1 / (1 + (f / f_1)^4)^2 for the two passes, f_1 the cut-off of one, frequencies in the bilinear transform's measure.
     """
     f = np.linspace(0.0, rate / 2, 20001)
-    w = np.tan(np.pi * f[:-1] / rate) / np.tan(np.pi * min(cutoff / TWO_PASS / rate, 0.4999))
+    w = np.tan(np.pi * f[:-1] / rate) / np.tan(np.pi * cutoff / rate) * TWO_PASS
     return float(np.sqrt(np.mean(1.0 / (1.0 + w**4) ** 2)))
 
 

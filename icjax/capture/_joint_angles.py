@@ -61,7 +61,7 @@ def joint_angles(
     **Arguments**: `sites` one a marker; `markers` m, NaN in gaps; `rate`, `cutoff` Hz; `placement_sd` m, per axis.
     """
     told = progress or (lambda fraction: None)
-    seen = np.isfinite(markers).all(axis=-1)
+    seen = np.asarray(np.isfinite(markers).all(axis=-1))
     ones = np.ones(seen.shape)
     raw = solve_poses(model, sites, markers, seen.astype(float), progress=lambda done: told(0.6 * done))
     bridged = _bridged(raw, markers, seen)
