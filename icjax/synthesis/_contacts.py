@@ -15,7 +15,8 @@ class Contacts(eqx.Module):
 
     **Fields**
 
-    - `point`: contact point r_i of the undeformed pad, its centre minus radius times normal, world, m.
+    - `point`: contact point r_i, on the deformed pad: its centre minus radius times normal plus the pad's deformation
+      under the force that it carries, world, m. A loaded point lies on the surface, not behind it.
     - `normal`: outward unit normal of the surface, towards the pad, world.
     - `gap`: s_i0 between the undeformed pad and the surface, negative in penetration, m.
     - `jacobian`: J_i of the contact point (Eq. 4).
@@ -39,8 +40,18 @@ def slot_pads(model: Model, scene: Scene) -> np.ndarray:
     return np.repeat(np.arange(len(model.pad_names)), len(scene.surfaces))
 
 
-def find_contacts(model: Model, scene: Scene, q: Float[Real, " nq"]) -> Contacts:
-    """Closest points of all pads and surfaces at configuration `q` (Section 7.1.3, last step)."""
+def slot_compliance(model: Model, scene: Scene) -> Float[Real, " slot"]:
+    """Compliance of the pad of each slot, m/N."""
+    return jnp.asarray(model.pad_compliance)[slot_pads(model, scene)]
+
+
+def find_contacts(
+    model: Model, scene: Scene, q: Float[Real, " nq"], pad_force: Float[Real, "slot 3"] | None = None
+) -> Contacts:
+    """Closest points of all pads and surfaces at configuration `q` (Section 7.1.3, last step).
+
+    **Arguments**: `q`; `pad_force` on each slot, N, in the frame of the body that carries the pad (none: unloaded).
+    """
     centres = pad_positions(model, q)
     pads = slot_pads(model, scene)
     bodies = np.asarray(model.pad_bodies, int)[pads]
@@ -48,7 +59,9 @@ def find_contacts(model: Model, scene: Scene, q: Float[Real, " nq"]) -> Contacts
     each = [surface.shape for surface in scene.surfaces]
     distance = jnp.stack([jax.vmap(shape.signed_distance)(centres) for shape in each], axis=1).reshape(-1)
     normal = jnp.stack([jax.vmap(shape.normal)(centres) for shape in each], axis=1).reshape(-1, 3)
-    point = centres[pads] - radius[:, None] * normal
-    jacobian = jax.vmap(lambda body, p: point_jacobian(model, q, body, p))(jnp.asarray(bodies), point)
     rotation = forward_kinematics(model, q).rotation[bodies]
+    point = centres[pads] - radius[:, None] * normal
+    if pad_force is not None:
+        point = point + slot_compliance(model, scene)[:, None] * jnp.einsum("iab,ib->ia", rotation, pad_force)
+    jacobian = jax.vmap(lambda body, p: point_jacobian(model, q, body, p))(jnp.asarray(bodies), point)
     return Contacts(point=point, normal=normal, gap=distance - radius, jacobian=jacobian, rotation=rotation)

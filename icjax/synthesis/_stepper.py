@@ -10,7 +10,7 @@ from icjax.model import Model, difference, integrate
 from icjax.results import RESULTS
 from icjax.running import run
 from icjax.synthesis._bodies import QuasiStaticHand, Target
-from icjax.synthesis._contacts import Contacts, find_contacts, slot_pads
+from icjax.synthesis._contacts import Contacts, find_contacts, slot_compliance
 from icjax.synthesis._scene import Scene
 from icjax.typing import Float, Int, Real
 
@@ -88,7 +88,7 @@ def step(model: Model, scene: Scene, state: State, target: Target) -> tuple[Stat
     **Source**: Kry and Pai (2006), Section 7.1, Eq. 7 to 10.
     """
     here = state.contacts
-    pad_compliance = jnp.asarray(model.pad_compliance)[slot_pads(model, scene)]
+    pad_compliance = slot_compliance(model, scene)
     count = here.gap.shape[0]
     hand = QuasiStaticHand(model).admittance(state.q, target)
 
@@ -109,7 +109,10 @@ def step(model: Model, scene: Scene, state: State, target: Target) -> tuple[Stat
 
     force = solution.value.force
     q = integrate(model, state.q, hand.free + hand.matrix @ (J.T @ force.reshape(-1)))
-    there = find_contacts(model, scene, q)
+    # The pad's deformation belongs to the finger and turns with it; with J taken at the deformed point this is
+    # consistent to first order: r(k+1) - r(k) = J dq + R C_p (f(k+1) - f(k)) in the finger's frame.
+    pad_force = jnp.einsum("iba,ib->ia", here.rotation, force)
+    there = find_contacts(model, scene, q, pad_force)
     torque = jnp.einsum("iad,ia->d", there.jacobian, force)
     info = StepInfo(
         q=q,
@@ -125,7 +128,6 @@ def step(model: Model, scene: Scene, state: State, target: Target) -> tuple[Stat
         status=_status(solution.result),
         margin=solution.value.margin,
     )
-    pad_force = jnp.einsum("iba,ib->ia", there.rotation, force)
     return State(q=q, pad_force=pad_force, contacts=there), info
 
 
