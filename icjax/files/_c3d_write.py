@@ -53,7 +53,7 @@ def write_c3d(
         raise ValueError(f"marker_names has {len(marker_names)} names for {markers.shape[1]} markers")
     c3d = _empty()
     parameters = c3d["parameters"]
-    missing = np.isnan(markers).any(axis=2)
+    missing = np.asarray(np.any(np.isnan(markers), axis=2))
     points = np.ones((4, markers.shape[1], markers.shape[0]))
     points[:3] = np.moveaxis(np.where(missing[:, :, None], 0.0, markers / factor), (0, 1, 2), (2, 1, 0))
     c3d["data"]["points"] = points

@@ -10,7 +10,7 @@ import numpy as np
 
 from icjax.files._errors import FileError
 from icjax.files._motion import MotionFile, unique_labels
-from icjax.files._table import check_time, number_rows, rate_of, read_lines
+from icjax.files._table import check_time, number_rows, rate_of, read_lines, spacing_notes
 from icjax.files._units import analog_factor, length_factor
 
 KEYS = ("time", "markers", "length_unit", "channels", "units")
@@ -94,7 +94,7 @@ def read_csv(path: str | os.PathLike, columns: Mapping[str, Any] | None = None) 
         analog_time=time if channels else np.zeros(0),
         analog=values,
         metadata={"columns": tuple(header)},
-        notes=notes,
+        notes=notes + spacing_notes(time),
     )
 
 

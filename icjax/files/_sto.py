@@ -6,7 +6,7 @@ from pathlib import Path
 
 from icjax.files._errors import FileError
 from icjax.files._motion import MotionFile, no_markers, unique_labels
-from icjax.files._table import check_time, number_rows, rate_of, read_lines
+from icjax.files._table import check_time, number_rows, rate_of, read_lines, spacing_notes
 
 ROW_KEYS = ("nRows", "datarows")
 COLUMN_KEYS = ("nColumns", "datacolumns")
@@ -61,7 +61,7 @@ def read_sto(path: str | os.PathLike) -> MotionFile:
         analog_time=time,
         analog=table[:, 1:],
         metadata=metadata,
-        notes=notes,
+        notes=notes + spacing_notes(time),
     )
 
 

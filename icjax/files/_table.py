@@ -7,6 +7,9 @@ import numpy as np
 
 from icjax.files._errors import FileError
 
+UNEVEN = 0.5
+"""Intervals of a time column may differ from the usual one by this fraction (printed times are rounded)."""
+
 
 def read_lines(path: Path) -> list[str]:
     """Lines of a text file. **Errors**: `FileError` when it is missing, empty or not text."""
@@ -61,6 +64,15 @@ def check_time(path: Path, time: np.ndarray) -> None:
         raise FileError(
             path, f"time does not increase at data row {row + 1} ({time[row - 1]:g} s, then {time[row]:g} s)"
         )
+
+
+def spacing_notes(time: np.ndarray) -> tuple[str, ...]:
+    """A note if the intervals differ by more than half of the usual one: filters assume a constant rate."""
+    steps = np.diff(time)
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    if not len(steps) or np.max(np.abs(steps - usual)) <= UNEVEN * usual:
+        return ()
+    return (f"times are not evenly spaced: intervals from {steps.min():g} to {steps.max():g} s",)
 
 
 def rate_of(time: np.ndarray) -> float:

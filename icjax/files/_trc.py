@@ -7,7 +7,7 @@ import numpy as np
 
 from icjax.files._errors import FileError
 from icjax.files._motion import MotionFile, unique_labels
-from icjax.files._table import check_time, number_rows, rate_of, read_lines
+from icjax.files._table import check_time, number_rows, rate_of, read_lines, spacing_notes
 from icjax.files._units import length_factor
 
 RATE_TOLERANCE = 0.02
@@ -56,7 +56,7 @@ def read_trc(path: str | os.PathLike) -> MotionFile:
         markers=table[:, 2:].reshape(len(table), len(names), 3) * factor,
         marker_unit=unit,
         metadata=dict(header),
-        notes=notes,
+        notes=notes + spacing_notes(time),
     )
 
 

@@ -21,7 +21,7 @@ EVENT_TOLERANCE = 0.05
 HEEL_TOE_MARGIN = 0.015
 """m; heel and toe markers may stand this far beside the plate: a marker's radius and the skin behind the heel."""
 MOST_OUTSIDE = 0.02
-"""Fraction of the loaded samples whose centre of pressure may lie beside the plate: it rings for the first milliseconds."""
+"""Fraction of the loaded samples whose centre of pressure may lie beside the plate, which rings when it is struck."""
 LEAST_COVERED = 0.95
 """Fraction of the stance for which Vicon must have computed the ankle moment."""
 

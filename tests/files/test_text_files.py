@@ -174,6 +174,12 @@ def test_a_header_whose_rate_contradicts_its_times_is_noted(shared_data):
     assert read.marker_rate == pytest.approx(25.0, abs=0.05)  # the last interval is shorter
 
 
+def test_uneven_times_are_noted(tmp_path):
+    assert read_sto(put(tmp_path / "a.mot", MOT)).notes == ()
+    read = read_sto(put(tmp_path / "b.mot", MOT.replace("1.0\t30", "4.0\t30")))
+    assert read.notes == ("times are not evenly spaced: intervals from 0.5 to 3.5 s",)
+
+
 def test_a_force_recorder_with_its_own_clock(shared_data):
     units = {"Fx": "N", "Fy": "N", "Fz": "N", "Tx": "Nm", "Ty": "Nm", "Tz": "Nm", "SYNC": "V"}
     read = read_csv(shared_data / "virtual_sessions" / "explore" / "trial00_force_daq.csv", {"units": units})
