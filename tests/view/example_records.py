@@ -4,6 +4,7 @@ It is no evidence about any estimator; it only has to look like data. The finger
 vertical penalty balance gives the force, and theta = theta_r + C tau (Eq. 1) gives the measured angles.
 """
 
+import functools
 import json
 
 import numpy as np
@@ -30,6 +31,7 @@ def time_axis() -> np.ndarray:
     return np.arange(0.0, DURATION, 1.0 / RATE)
 
 
+@functools.cache
 def reference() -> tuple[np.ndarray, np.ndarray]:
     """Root position [time, 3] and joint reference [time, 4] of a finger that strokes and lifts.
 
@@ -73,8 +75,11 @@ def surface(x: float, bump: bool) -> tuple[float, np.ndarray]:
     return height, normal / np.linalg.norm(normal)
 
 
-def touch(model: Model, root: np.ndarray, planned: np.ndarray, friction: float, bump: bool) -> dict[str, np.ndarray]:
-    """Statics at every sample: angles, force, point and normal of the contact, torque, gap."""
+@functools.cache
+def touch(friction: float, bump: bool) -> dict[str, np.ndarray]:
+    """Statics of the reference at every sample: angles, force, point and normal of the contact, torque, gap."""
+    model = finger()
+    root, planned = reference()
     radius = float(np.asarray(model.pad_radius)[0])
     speed = np.gradient(root[:, 0], 1.0 / RATE)
     out: dict[str, list] = {key: [] for key in ("angles", "force", "point", "normal", "torque", "gap")}
@@ -88,7 +93,9 @@ def touch(model: Model, root: np.ndarray, planned: np.ndarray, friction: float, 
             size = max(0.0, force @ normal - (gap + PAD_COMPLIANCE * (force @ normal)) / soft)
             tangent = np.array([normal[2], 0.0, -normal[0]])
             force = size * (normal - friction * np.tanh(speed[k] / 0.005) * tangent)
-            angles = planned[k] + COMPLIANCE * (jacobian.T @ force)
+            before, angles = angles, planned[k] + COMPLIANCE * (jacobian.T @ force)
+            if np.abs(angles - before).max() < 1e-15:
+                break
         out["angles"].append(angles)
         out["force"].append(force)
         out["torque"].append(jacobian.T @ force)
@@ -110,7 +117,7 @@ def dofs(joints: np.ndarray) -> np.ndarray:
 def make_recording(name: str = "trial00", seed: int = 7) -> Recording:
     model, t, rng = finger(), time_axis(), np.random.default_rng(seed)
     root, planned = reference()
-    state = touch(model, root, planned, 0.5, bump=False)
+    state = touch(0.5, False)
     q = coordinates(root, state["angles"] + np.radians(0.03) * rng.standard_normal(planned.shape))
     force = state["force"] + np.where(state["force"][:, 2:] > 0, 0.008, 0.0) * rng.standard_normal((len(t), 3))
     touching = state["force"][:, 2] > 0.03
@@ -195,7 +202,7 @@ def make_per_event(recording: Recording, torque: np.ndarray) -> CompliancePerEve
 def make_interaction(recording: Recording) -> Interaction:
     root, planned = reference()
     model = recording.model
-    torque = touch(model, root, planned, 0.5, bump=False)["torque"]
+    torque = touch(0.5, False)["torque"]
     per_event = make_per_event(recording, torque)
     accepted = (np.asarray(per_event.status) == 0).sum(axis=0)
     negative = (np.asarray(per_event.status) == 1).sum(axis=0)
@@ -231,7 +238,7 @@ def make_interaction(recording: Recording) -> Interaction:
 def make_rollout(name: str = "bump", friction: float = 0.5, bump: bool = True, failed: bool = False) -> Rollout:
     model, t = finger(), time_axis()
     root, planned = reference()
-    state = touch(model, root, planned, friction, bump)
+    state = touch(friction, bump)
     on_bump = np.array([surface(point[0], bump)[0] > 0 for point in state["point"]])
     columns = [~on_bump, on_bump] if bump else [np.ones(len(t), bool)]
     slots = ("fingertip:plate", "fingertip:bump")[: len(columns)]

@@ -1,0 +1,81 @@
+"""What the page says when parts are missing, and that it is written whole or not at all."""
+
+import pytest
+from view.example_records import make_interaction, make_recording, make_rollout
+
+from icjax import report as report_package
+from icjax.files import FileError
+from icjax.recording import Session
+from icjax.report import _sections, write_report
+
+
+@pytest.fixture
+def no_scene(monkeypatch):
+    """The 3-D export is tested elsewhere and takes seconds."""
+    page = '<html><head><script>window.__VISER_EMBED_DATA__="AAAA";</script></head></html>'
+    monkeypatch.setattr(_sections.view, "export_scene", lambda record: page)
+
+
+def test_empty_page_says_what_is_absent(tmp_path):
+    text = write_report(tmp_path / "report.html").read_text(encoding="utf-8")
+    for words in ("no recording, interaction or rollout", "No interaction was given", "No rollout was given"):
+        assert words in text
+    assert "does not say whether it was measured or simulated" in text
+
+
+@pytest.mark.usefixtures("no_scene")
+def test_recording_alone(tmp_path):
+    text = write_report(tmp_path / "a" / "report.html", session=make_recording()).read_text(encoding="utf-8")
+    assert "No interaction has been estimated yet" in text
+    assert "no person was measured" in text
+    assert "trial00" in text
+
+
+@pytest.mark.usefixtures("no_scene")
+def test_rollout_alone(tmp_path):
+    rollout = make_rollout("bump", failed=True)
+    text = write_report(tmp_path / "report.html", rollouts=(rollout,)).read_text(encoding="utf-8")
+    assert "3 simulation steps were not solved" in text
+    assert "1.500" in text
+    assert "maximum number of pivots" in text
+    assert "so the measured forces are not shown" in text
+
+
+@pytest.mark.usefixtures("no_scene")
+def test_text_from_records_is_escaped(tmp_path):
+    session = Session(name="<b>x</b>", subject="", recordings=(make_recording('"><script>alert(1)</script>'),))
+    text = write_report(tmp_path / "report.html", session=session, metrics={"<i>": "&"}).read_text(encoding="utf-8")
+    assert "<b>x</b>" not in text
+    assert "<script>alert" not in text
+    assert "&lt;i&gt;" in text
+
+
+def test_nothing_is_left_behind_when_it_fails(tmp_path, monkeypatch):
+    def broken(*_arguments):
+        raise OSError("disk full")
+
+    target = tmp_path / "report.html"
+    target.write_text("before")
+    monkeypatch.setattr("os.replace", broken)
+    with pytest.raises(FileError, match="disk full"):
+        write_report(target)
+    assert target.read_text() == "before"
+    assert [item.name for item in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_the_same_viewer_is_stored_once():
+    first, second = (f'<a>__VISER_EMBED_DATA__="{data}"</a></script>' for data in ("one", "two"))
+    frame, script = report_package._page.player(["x", "<y>"], [first, second])
+    assert script.count("__VISER_EMBED_DATA__") == 1
+    assert "one" in script
+    assert "two" in script
+    assert "&lt;y&gt;" in frame
+    assert script.count("</script>") == 1, "text inside must not end the script element"
+    with pytest.raises(ValueError, match="__VISER_EMBED_DATA__"):
+        report_package._page.player(["x"], ["<html></html>"])
+
+
+def test_the_best_accepted_and_the_most_excited_negative_event_are_shown():
+    accepted, negative = _sections.representative(make_interaction(make_recording()))
+    assert accepted is not None
+    assert negative == (1, "PIP")
