@@ -25,8 +25,9 @@ class FrictionCone(eqx.Module):
 def friction_cone(frames: Float[Real, "contact 3 3"], friction: Float[Real, " contact"], facets: int) -> FrictionCone:
     """Friction cone with 2m facets, ``f = D beta, beta >= 0, F beta >= 0``.
 
-    Tangents are ``d = cos(a) t1 + sin(a) t2`` at the angles ``a = pi k / m, k = 0 .. m-1``, each followed by its opposite.
-    The polygon is inscribed in the circle of radius ``mu f_n``; between its corners it reaches ``cos(pi / 2m)`` of it.
+    Tangents are ``d = cos(a) t1 + sin(a) t2`` at the angles ``a = pi k / m, k = 0 .. m-1``, each followed by its
+    opposite. The polygon is inscribed in the circle of radius ``mu f_n``; between its corners it reaches
+    ``cos(pi / 2m)`` of it.
 
     **Arguments**: `frames` `[N, 3, 3]` (columns normal, tangent 1, tangent 2), `friction` `[N]`, `facets` the m >= 2.
 

@@ -32,10 +32,11 @@ def solve(
     derivative of [`icjax.lcp.solve`]; of a failed solve it is zero). Where f is not unique (W singular), so is not its
     derivative, and ``W f`` is what to compare. Lambda, never unique at an open contact, is not returned.
 
-    The margin says how far the problem is from a change of contact state, where the derivative is one-sided. It is the
-    minimum over active contacts of ``max(beta_0, nu_0)``; over closed frictional ones also of
-    ``max(sigma_f, lambda)``, ``sigma_f = mu f_n - gauge(f_t)``; over sliding ones also of ``min_j (beta_j + nu_j)``; all
-    dimensionless.
+    The margin says how far the problem is from a change of contact state, where the derivative is one-sided. It is
+    the minimum over active contacts of ``max(beta_0, nu_0)``; over closed frictional ones also of
+    ``max(sigma_f, lambda)``, ``sigma_f = mu f_n - gauge(f_t)``; over sliding ones also of
+    ``min_j (beta_j + nu_j)``; all dimensionless. A sticking contact whose tangential force is zero or along one facet
+    is no such change: there the derivative is that of the smooth function, as wherever the margin is positive.
 
     **Arguments**
 
