@@ -85,6 +85,7 @@ def main(config: Config) -> dict:
         "config": {**dataclasses.asdict(config), "out": None},
         "compliance": {
             "true": given,
+            "source of the estimated one": json.loads(interactions["estimated C"].provenance)["sources"],
             "estimated": dict(
                 zip(
                     interactions["estimated C"].summary.joint_names,
@@ -106,9 +107,11 @@ def main(config: Config) -> dict:
 
 
 def with_reference(interaction: Interaction, truth: Truth) -> Interaction:
-    """The interaction with the subject's true reference trajectory on the joints; the root stays as measured."""
-    reference = np.array(interaction.reference)
-    reference[:, -len(JOINTS) :] = truth.theta_free[: len(reference)]
+    """The interaction with the subject's true joint reference, the root as it truly moved."""
+    x, z, pitch = truth.root[: len(interaction.time)].T
+    nothing = np.zeros_like(pitch)
+    root = (x, nothing, z, np.cos(pitch / 2), nothing, np.sin(pitch / 2), nothing)
+    reference = np.column_stack([*root, truth.theta_free[: len(pitch)]])
     return dataclasses.replace(interaction, reference=reference)
 
 
@@ -203,10 +206,12 @@ def draw(path: Path, truths: dict[str, Truth], rollouts: dict[tuple[str, str], R
 
 
 def rounded(value):
-    """Three significant digits, so that the committed file does not change with the machine."""
+    """Three significant digits, so that the committed file does not change with the machine; null for no number."""
     if isinstance(value, dict):
         return {key: rounded(item) for key, item in value.items()}
-    return float(f"{value:.3g}") if isinstance(value, float) else value
+    if isinstance(value, float):
+        return float(f"{value:.3g}") if np.isfinite(value) else None
+    return value
 
 
 if __name__ == "__main__":

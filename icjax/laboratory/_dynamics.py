@@ -31,7 +31,8 @@ class Truth:
 
     `theta_free` is the same command without anything to touch: the reference trajectory. `tau` is the torque of
     the contact force about each joint (J^T f). `pad` is the centre of the fingertip sphere, `bone` where that
-    centre would be with the pad undeformed, `root` the position (x, z, m) and pitch (rad) of the forearm.
+    centre would be with the pad undeformed, `root` the world position (x, z, m) of the
+    wrist, at which the forearm's frame lies, and the forearm's pitch (rad).
     """
 
     t: np.ndarray
@@ -185,12 +186,15 @@ def _truth(
     data = mujoco.MjData(model)
     hinges = [model.joint(name).id for name in JOINTS]
     tip = model.site("pad").id
+    root = np.zeros((frames, 3))
+    forearm = model.body("forearm").id
     anchors = np.zeros((frames, len(JOINTS), 3))
     axes = np.zeros((frames, len(JOINTS), 3))
     for frame in range(frames):
         data.qpos[:] = touching[frame]
         mujoco.mj_kinematics(model, data)
         bone[frame] = data.site_xpos[tip]
+        root[frame] = data.xpos[forearm, 0], data.xpos[forearm, 2], data.qpos[driven[2]]
         anchors[frame] = data.xanchor[hinges]
         axes[frame] = data.xaxis[hinges]
     moment = np.cross(point[:, None, :] - anchors, force[:, None, :])
@@ -204,7 +208,7 @@ def _truth(
         f_contact=force,
         pad=bone + force / subject.pad_stiffness,
         bone=bone,
-        root=touching[:, driven[:3]],
+        root=root,
         C=np.asarray(subject.compliance),
         B=subject.damping,
         mu=surface.friction,

@@ -18,12 +18,17 @@ QUIET = 0.5
 
 @dataclasses.dataclass(frozen=True)
 class Touch:
-    """One planned contact. Lengths in m, times in s; `start` is when the finger leaves its hover position."""
+    """One planned contact. Lengths in m, times in s.
+
+    At `start` the finger leaves its hover position, `lead` beyond the place of contact, so that it lands while it
+    already pulls back: friction then loads every joint, as in stroking.
+    """
 
     kind: str  # "tap" or "stroke"
     start: float
     x_from: float
     x_to: float
+    lead: float
     hover: float
     depth: float
     descent: float
@@ -49,20 +54,23 @@ def plan(subject: Subject, surface: Surface, kinds: tuple[str, ...], generator: 
     compliance = subject.endpoint_compliance(np.asarray(POSTURE))
     resting = 1.0 / np.linalg.inv(compliance)[1, 1]
     sliding = compliance[1, 1] + min(surface.friction, 1.0) * compliance[1, 0]
+    size = min(1.0, subject.hand_length / 0.19)
     touches = []
     start = QUIET
     for kind in kinds:
         force = generator.uniform(0.7, 1.3) if kind == "tap" else generator.uniform(0.45, 0.7)
-        hover = generator.uniform(0.016, 0.022)
+        hover = size * generator.uniform(0.016, 0.022)
         speed = generator.uniform(0.07, 0.12)
         depth = float(force * (resting if kind == "tap" else sliding))
-        length = generator.uniform(0.024, 0.034) if kind == "stroke" else 0.0
-        x_from = generator.uniform(0.004, 0.010) if kind == "stroke" else generator.uniform(-0.006, 0.006)
+        length = size * generator.uniform(0.024, 0.034) if kind == "stroke" else 0.0
+        lead = size * (generator.uniform(0.007, 0.012) if kind == "stroke" else generator.uniform(0.0, 0.008))
+        x_from = size * (generator.uniform(-0.001, 0.005) if kind == "stroke" else generator.uniform(-0.006, 0.003))
         touch = Touch(
             kind=kind,
             start=start,
             x_from=x_from,
             x_to=x_from - length,
+            lead=lead,
             hover=hover,
             depth=depth,
             descent=_descent(hover, depth, speed),
@@ -74,9 +82,9 @@ def plan(subject: Subject, surface: Surface, kinds: tuple[str, ...], generator: 
         touches.append(touch)
         start += sum(touch.stages) + generator.uniform(0.12, 0.25)
     for touch in touches:
+        reach(subject, surface, touch.x_from + touch.lead, touch.hover)
         for x in (touch.x_from, touch.x_to):
-            for z in (touch.hover, -touch.depth):
-                reach(subject, surface, x, z)
+            reach(subject, surface, x, -touch.depth)
     return touches
 
 
@@ -90,17 +98,17 @@ def command(
     """
     time = np.arange(round(duration * RATE) + 1) / RATE
     theta = np.empty((len(time), len(JOINTS)))
-    theta[:] = reach(subject, surface, touches[0].x_from, touches[0].hover)
+    theta[:] = reach(subject, surface, touches[0].x_from + touches[0].lead, touches[0].hover)
     for index, (touch, shift) in enumerate(zip(touches, shifts, strict=True)):
         following = touches[index + 1] if index + 1 < len(touches) else touch
         places = [
-            (touch.x_from, touch.hover),
+            (touch.x_from + touch.lead, touch.hover),
             (touch.x_from, -touch.depth),
             (touch.x_from, -touch.depth),
             (touch.x_to, -touch.depth),
             (touch.x_to, -touch.depth),
             (touch.x_to, touch.hover),
-            (following.x_from, following.hover),
+            (following.x_from + following.lead, following.hover),
         ]
         begin = touch.start + shift
         for stage, (place, target) in zip(touch.stages, zip(places, places[1:], strict=False), strict=True):

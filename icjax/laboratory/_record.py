@@ -43,7 +43,7 @@ def record(
     trials: int = 2,
     contacts: int = 3,
     hand_length: float = 0.190,
-    compliance: tuple[float, float, float, float] = (0.33, 0.90, 0.55, 1.45),
+    compliance: tuple[float, float, float, float] = (0.25, 0.70, 0.45, 1.10),
     friction: float = 0.6,
     catch: int = 1,
     bump: Bump | None = None,

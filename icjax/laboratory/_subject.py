@@ -11,7 +11,7 @@ JOINTS = ("wrist", "MP", "PIP", "DIP")
 LENGTH_RATIOS = (0.463, 0.245, 0.143, 0.097)
 """Length of hand (wrist to MP), proximal, middle and distal phalanx over hand length (Buchholz et al. 1992)."""
 
-POSTURE = tuple(math.radians(angle) for angle in (3.0, 24.0, 32.0, 20.0))
+POSTURE = tuple(math.radians(angle) for angle in (3.0, 18.0, 27.0, 20.0))
 """Comfortable posture with the fingertip just over the plate, rad."""
 
 LIMITS = tuple((math.radians(low), math.radians(high)) for low, high in ((-70, 80), (-30, 90), (-5, 110), (-20, 90)))
@@ -27,7 +27,7 @@ class Subject:
     """
 
     hand_length: float = 0.190
-    compliance: tuple[float, float, float, float] = (0.33, 0.90, 0.55, 1.45)
+    compliance: tuple[float, float, float, float] = (0.25, 0.70, 0.45, 1.10)
     damping_time: float = 0.018
     pad_stiffness: float = 750.0
 

@@ -3,6 +3,7 @@
 import dataclasses
 import tomllib
 
+import jax
 import numpy as np
 import pytest
 
@@ -110,12 +111,13 @@ def test_perfect_studio_agrees_with_the_shipped_model(tmp_path):
     truth = load_truth(tmp_path / "s" / "truth" / "trial00.npz")
     motion = read_c3d(paths.trials[0])
     model = index_finger(hand_length=0.2, root="fixed")
+    positions = jax.jit(lambda theta: site_positions(model, theta))
     onset = int(np.flatnonzero(truth.f_contact[:, 2])[0])
     frames = [0, onset // 2, onset]  # before the contact moves the forearm on its sprung rest
     start = motion.markers[frames[0], motion.marker_names.index("FA1")]
-    shift = start - np.asarray(site_positions(model, truth.theta[0]))[model.site("FA1")]
+    shift = start - np.asarray(positions(truth.theta[0]))[model.site("FA1")]
     for frame in frames:
-        sites = np.asarray(site_positions(model, truth.theta[frame])) + shift
+        sites = np.asarray(positions(truth.theta[frame])) + shift
         for name in model.site_names:
             found = motion.markers[frame, motion.marker_names.index(name)]
             np.testing.assert_allclose(found, sites[model.site(name)], atol=1.5e-5, err_msg=name)
