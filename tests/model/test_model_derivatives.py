@@ -51,6 +51,7 @@ def everything(model, q, v, a):
     return jnp.concatenate([part.ravel() for part in parts])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", ["regular", "neutral"])
 def test_coordinates_and_velocities(place):
     """At the neutral pose all rotation vectors are zero, the singular point of the exponential map."""
@@ -63,6 +64,7 @@ def test_coordinates_and_velocities(place):
     check_derivatives(function, np.concatenate([np.zeros(n), V, A]), tolerance=1e-7)  # sums of many large terms
 
 
+@pytest.mark.slow
 def test_numbers_of_the_model():
     """Lengths, anchors, masses, inertias and armature are differentiable leaves."""
     names = ("body_position", "body_mass", "body_com", "joint_position", "joint_axis", "armature", "site_position")
