@@ -2,9 +2,9 @@
 
 import math
 
-import mujoco
 import numpy as np
 
+from icjax.laboratory._mujoco import MjModel, mujoco
 from icjax.laboratory._subject import JOINTS, POSTURE, Subject
 from icjax.laboratory._surface import PLATE_MARKERS, SENSOR_DEPTH, SENSOR_ROTATION, Surface
 
@@ -31,7 +31,7 @@ def forearm_origin(subject: Subject) -> np.ndarray:
     return np.array([-x, 0.0, subject.pad_radius - z])
 
 
-def build(subject: Subject, surface: Surface, markers: dict[str, tuple[str, np.ndarray]]) -> mujoco.MjModel:
+def build(subject: Subject, surface: Surface, markers: dict[str, tuple[str, np.ndarray]]) -> MjModel:
     """The MuJoCo model; `markers` are sites on the bodies of the subject, the plate's own are added."""
     return mujoco.MjModel.from_xml_string(xml(subject, surface, markers))
 

@@ -4,14 +4,13 @@ import dataclasses
 import os
 from pathlib import Path
 
-import mujoco
-import mujoco.rollout
 import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline
 
 from icjax.laboratory._apparatus import DRIVEN, TIMESTEP, build
 from icjax.laboratory._fingertip import Fingertip
 from icjax.laboratory._movement import RATE
+from icjax.laboratory._mujoco import MjData, MjModel, mujoco, rollout
 from icjax.laboratory._subject import JOINTS, Subject
 from icjax.laboratory._surface import Surface
 
@@ -95,7 +94,7 @@ class Run:
     point: np.ndarray
 
 
-def _applied(model: mujoco.MjModel, command: np.ndarray) -> np.ndarray:
+def _applied(model: MjModel, command: np.ndarray) -> np.ndarray:
     """Generalised force [step, nv] of the command: inverse dynamics where it is written down, splined between."""
     knots = np.arange(len(command)) / RATE
     spline = make_interp_spline(knots, command, k=5)
@@ -115,7 +114,7 @@ def _applied(model: mujoco.MjModel, command: np.ndarray) -> np.ndarray:
     return force
 
 
-def _start(model: mujoco.MjModel, command: np.ndarray) -> mujoco.MjData:
+def _start(model: MjModel, command: np.ndarray) -> MjData:
     data = mujoco.MjData(model)
     address = _driven(model)
     data.qpos[address] = command[0]
@@ -123,13 +122,13 @@ def _start(model: mujoco.MjModel, command: np.ndarray) -> mujoco.MjData:
     return data
 
 
-def _run_free(model: mujoco.MjModel, command: np.ndarray, force: np.ndarray) -> Run:
+def _run_free(model: MjModel, command: np.ndarray, force: np.ndarray) -> Run:
     """Without anything to touch: one call into MuJoCo."""
     data = _start(model, command)
     full = mujoco.mjtState.mjSTATE_FULLPHYSICS
     initial = np.zeros(mujoco.mj_stateSize(model, full))
     mujoco.mj_getState(model, data, initial, full)
-    states, sensed = mujoco.rollout.rollout(
+    states, sensed = rollout(
         model, data, initial[None], force[None], control_spec=int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
     )
     states = np.concatenate([initial[None], states[0, :-1]])
@@ -137,9 +136,7 @@ def _run_free(model: mujoco.MjModel, command: np.ndarray, force: np.ndarray) -> 
     return Run(q=states[:, 1 : 1 + model.nq], sensed=sensed[0], contact=nothing, point=nothing)
 
 
-def _run_touching(
-    model: mujoco.MjModel, subject: Subject, surface: Surface, command: np.ndarray, force: np.ndarray
-) -> Run:
+def _run_touching(model: MjModel, subject: Subject, surface: Surface, command: np.ndarray, force: np.ndarray) -> Run:
     """With the plate: the force of the fingertip acts on the distal phalanx, its reaction on the plate."""
     data = _start(model, command)
     tip = Fingertip(subject, surface)
@@ -166,13 +163,13 @@ def _run_touching(
     return Run(q=q, sensed=sensed, contact=contact, point=point)
 
 
-def _driven(model: mujoco.MjModel) -> list[int]:
+def _driven(model: MjModel) -> list[int]:
     """Addresses of the commanded coordinates; positions and velocities share them, all joints being scalar."""
     return [int(model.joint(name).qposadr[0]) for name in DRIVEN]
 
 
 def _truth(
-    model: mujoco.MjModel,
+    model: MjModel,
     subject: Subject,
     surface: Surface,
     command: np.ndarray,
@@ -216,7 +213,7 @@ def _truth(
     )
 
 
-def _positions(model: mujoco.MjModel, states: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+def _positions(model: MjModel, states: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     data = mujoco.MjData(model)
     sites = [index for index in range(model.nsite) if model.site(index).name not in ("sensor", "pad")]
     names = tuple(model.site(index).name for index in sites)

@@ -7,6 +7,7 @@ import jax
 import numpy as np
 import pytest
 
+from icjax.capture import read_session
 from icjax.files import FileError, read_c3d
 from icjax.laboratory import Bump, Noise, Subject, record, replay
 from icjax.laboratory._instruments import cameras
@@ -53,6 +54,16 @@ def test_files_written(recorded):
     assert paths.session == folder / "session.toml"
     assert paths.trials == (folder / "trial00.c3d",)
     assert paths.catches == (folder / "catch00.c3d",)
+
+
+def test_session_file_is_understood_by_the_capture(recorded):
+    _, paths = recorded
+    spec = read_session(paths.session)
+    assert [(trial.name, trial.role, trial.catch_of) for trial in spec.trials] == [
+        ("trial00", "trial", None),
+        ("catch00", "catch", "trial00"),
+    ]
+    assert all(trial.touches == (("plate", "fingertip"),) for trial in spec.trials)
 
 
 def test_units_rates_and_labels(recorded):
