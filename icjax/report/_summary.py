@@ -32,9 +32,8 @@ def lead(recordings: Recordings, interactions: Interactions, rollouts: Rollouts,
         contacts = sum(len(item.events.onset) for item in trials)
         seconds = sum(float(item.time[-1] - item.time[0]) for item in recordings)
         extra = f" and {_count(others, 'other recording')}" if others else ""
-        parts.append(
-            f"{_count(len(trials), kind + 'trial')}{extra}, {seconds:.1f} s in all, hold {_count(contacts, 'contact')}."
-        )
+        duration = f"{seconds:.1f} s in all"
+        parts.append(f"{_count(len(trials), kind + 'trial')}{extra} ({duration}) with {_count(contacts, 'contact')}.")
     if interactions:
         found = [
             f"{joint} {_number(value)}"
@@ -95,8 +94,8 @@ def cautions(interactions: Interactions, rollouts: Rollouts, simulated: bool | N
         negative = int(np.sum(interactions[0].summary.negative))
         if negative:
             points.append(
-                f"{negative} estimates were negative. They are kept and shown; leaving them out of the summary "
-                "biases it upward."
+                f"Negative estimates: {negative}. They are kept and shown; leaving them out of the summary would bias "
+                "it upward."
             )
     if rollouts:
         points.append(
@@ -105,7 +104,8 @@ def cautions(interactions: Interactions, rollouts: Rollouts, simulated: bool | N
         )
         failed = sum(int((np.asarray(item.status) != 0).sum()) for item in rollouts)
         if failed:
-            points.append(f"{failed} simulation steps were not solved; see the table of rollouts for times and causes.")
+            steps = _count(failed, "simulation step")
+            points.append(f"Not solved: {steps}; the table of rollouts gives times and causes.")
     return points
 
 

@@ -45,7 +45,8 @@ def export_scene(
 ) -> str:
     """A page with the record in 3-D, a time bar and a play button, that opens from disk with no network.
 
-    The body is drawn as capsules between body origins, the reference pose as a translucent ghost, every contact
+    The body is drawn as capsules between body origins, translucent so that forces inside it show, the reference
+    pose as a fainter ghost, every contact
     force as an arrow from the contact point, coloured by its slip state in a rollout. Surfaces come from a
     rollout's scene; with a measured record they are a level patch through the contact points. A server is opened
     on this machine only (127.0.0.1, a free port) while the page is made, and closed again.
@@ -109,10 +110,10 @@ def _record_scene(server: Any, record: Recording | Interaction | Rollout, shown:
     server.initial_camera.fov = 0.6
     server.initial_camera.near = 0.02 * size
     _add_surfaces(server, shapes, focus, size, along)
-    nodes = _add_body(server, record, "body", BODY_COLOUR, 1.0)
-    ghosts = _add_body(server, record, "reference", _rgb(REFERENCE), 0.3) if shown.ghost_position is not None else {}
+    nodes = _add_body(server, record, "body", BODY_COLOUR, 0.62)
+    ghosts = _add_body(server, record, "reference", _rgb(REFERENCE), 0.25) if shown.ghost_position is not None else {}
     largest = float(np.linalg.norm(shown.force, axis=-1).max(initial=0.0))
-    arrows = _Arrows(server, size, 0.8 * size / largest if largest > 0 else 0.0, shown.colour)
+    arrows = _Arrows(server, size, 1.0 * size / largest if largest > 0 else 0.0, shown.colour)
     quaternions = _quaternions(shown.rotation)
     ghost_positions = shown.position if shown.ghost_position is None else shown.ghost_position
     ghost_quaternions = quaternions if shown.ghost_rotation is None else _quaternions(shown.ghost_rotation)

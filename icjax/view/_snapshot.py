@@ -12,7 +12,19 @@ from icjax.recording import Recording
 from icjax.rollout import Rollout
 from icjax.view._force_plots import force_components
 from icjax.view._skeleton import Bone, body_poses, bones, pad_path, up_direction
-from icjax.view._style import INK, MEASURED, QUIET, REFERENCE, SLIDING, STICKING, SURFACE, new_figure, save, styled
+from icjax.view._style import (
+    INK,
+    MEASURED,
+    QUIET,
+    REFERENCE,
+    SLIDING,
+    STICKING,
+    SURFACE,
+    legend_above,
+    new_figure,
+    save,
+    styled,
+)
 from icjax.view._surfaces import profile, surfaces_of
 
 if TYPE_CHECKING:
@@ -20,6 +32,8 @@ if TYPE_CHECKING:
 
 SKIN = "#C9D3E0"
 EDGE = "#5F7186"
+WIDE = 2.35
+"""Width over height of the side view, at least."""
 
 
 def snapshot(
@@ -90,7 +104,7 @@ def draw_snapshot(
     plot.set_xlabel("time (s)")
     plot.set_ylabel("contact force (N)")
     plot.margins(x=0.0)
-    plot.legend(loc="upper right")
+    legend_above(plot)
     return figure
 
 
@@ -179,14 +193,15 @@ def _draw_surface(
     shown = list(parts[1:]) or list(parts)
     ends = np.concatenate([poses[1][:, part.body] + poses[0][:, part.body] @ part.end for part in shown])
     flat = _flat(ends, origin, along, up)
-    left, right = float(flat[:, 0].min()) - 60.0, float(flat[:, 0].max()) + 40.0
-    reach = np.linspace(left, right, 500)
+    left, right = float(flat[:, 0].min()) - 35.0, float(flat[:, 0].max()) + 40.0
+    reach = np.linspace(left - 1e3, right, 3000)
     height = 1e3 * profile(surfaces_of(record), origin, along, up, 1e-3 * reach)
     floor = (float(np.nanmin(height)) if np.isfinite(height).any() else float(flat[:, 1].min())) - 9.0
     axis.fill_between(reach, floor, height, color=SURFACE, lw=0, zorder=1)
     axis.plot(reach, height, color="#8C8371", lw=1.2, zorder=2)
-    axis.set_xlim(left, right)
-    axis.set_ylim(floor, float(flat[:, 1].max()) + 22.0)
+    ceiling = float(flat[:, 1].max()) + 22.0
+    axis.set_xlim(min(left, right - WIDE * (ceiling - floor)), right)
+    axis.set_ylim(floor, ceiling)
     axis.set_aspect("equal")
     axis.grid(False)
     axis.set_xlabel("distance along the finger (mm)")

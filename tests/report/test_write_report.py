@@ -35,7 +35,7 @@ def test_recording_alone(tmp_path):
 def test_rollout_alone(tmp_path):
     rollout = make_rollout("bump", failed=True)
     text = write_report(tmp_path / "report.html", rollouts=(rollout,)).read_text(encoding="utf-8")
-    assert "3 simulation steps were not solved" in text
+    assert "Not solved: 3 simulation steps" in text
     assert "1.500" in text
     assert "maximum number of pivots" in text
     assert "so the measured forces are not shown" in text
