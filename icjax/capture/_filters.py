@@ -14,8 +14,8 @@ def lowpass(
     """Butterworth filter of second order, forward and backward, with the stated cut-off *after* both passes.
 
     The gain of the two passes together is 1/sqrt 2 at `cutoff`, so each pass is designed for cutoff / 0.802 (the
-    division is made in tan(pi f / rate), the frequency of the bilinear transform). The filter has no delay and keeps straight lines. NaN samples stay NaN and do not spread: every finite run of a channel is
-    filtered by itself.
+    division is made in tan(pi f / rate), the frequency of the bilinear transform). The filter has no delay and keeps
+    straight lines. NaN samples stay NaN and do not spread: every finite run of a channel is filtered by itself.
 
     **Arguments**: `values` `[sample, ...]`; `rate` and `cutoff` in Hz.
 
@@ -55,7 +55,7 @@ def runs(mask: np.ndarray) -> list[tuple[int, int]]:
 def noise_gain(rate: float, cutoff: float) -> float:
     """Standard deviation of white noise after `lowpass`, relative to before: sqrt of the mean of |H|^2 over frequency.
 
-    |H|^2 = 1 / (1 + (f / f_1)^4)^2 for the two passes, f_1 the cut-off of one, frequencies in the bilinear transform's measure.
+    |H|^2 = 1 / (1 + (f / f_1)^4)^2 for the two passes, f_1 the cut-off of one, f as the bilinear transform measures it.
     """
     f = np.linspace(0.0, rate / 2, 20001)
     w = np.tan(np.pi * f[:-1] / rate) / np.tan(np.pi * cutoff / rate) * TWO_PASS

@@ -16,6 +16,9 @@ LONGEST_BRIDGE = 0.1
 FIRST_SD = 0.001
 """m; a marker noise for asking which coordinates the visible markers determine at all."""
 
+ENOUGH = 50
+"""Frames that are enough for a mean place."""
+
 
 @dataclasses.dataclass(frozen=True)
 class JointAngles:
@@ -47,9 +50,10 @@ def joint_angles(
 ) -> JointAngles:
     """Joint angles from markers.
 
-    1. The pose of every frame from the raw markers, gaps left out.
-    2. A gap is bridged with the place of the marker on the model plus its residual, interpolated over the gap
-       (markers sit a little beside their sites; without the residual every gap would be a jump).
+    1. The pose of every frame from the raw markers, gaps left out. From it the mean place of every marker on its
+       body: markers sit a little beside their sites, and a cluster that loses one of them would turn. Frames with a
+       gap are solved again with these places (which leaves the pose of complete frames where it is).
+    2. A gap is bridged with the place of the marker on the model plus its residual, interpolated over the gap.
     3. The markers are low-pass filtered (`lowpass`), so that neither gaps nor noise reach the angles.
     4. The pose again, with gaps longer than 0.1 s left out.
 
@@ -62,29 +66,56 @@ def joint_angles(
     """
     told = progress or (lambda fraction: None)
     seen = np.asarray(np.isfinite(markers).all(axis=-1))
-    ones = np.ones(seen.shape)
-    raw = solve_poses(model, sites, markers, seen.astype(float), progress=lambda done: told(0.6 * done))
-    bridged = _bridged(raw, markers, seen)
-    filtered = lowpass(bridged, rate, min(cutoff, 0.38 * rate))
-    weight = np.where(_long_gaps(seen, rate), 0.0, ones)
-    second = solve_poses(model, sites, filtered, weight, raw.q, progress=lambda done: told(0.6 + 0.4 * done))
+    raw = solve_poses(model, sites, markers, seen.astype(float), progress=lambda done: told(0.5 * done))
+    shift = _mean_places(raw, markers, seen)
+    raw = _gaps_again(model, sites, raw, markers, seen, shift)
+    filtered = lowpass(_bridged(raw, markers, seen), rate, min(cutoff, 0.38 * rate))
+    weight = np.where(_long_gaps(seen, rate), 0.0, 1.0)
+    second = solve_poses(model, sites, filtered, weight, raw.q, shift, lambda done: told(0.5 + 0.5 * done))
     sd = _marker_sd(second, filtered, weight, model.nv)
-    known = sd if np.isfinite(sd) else FIRST_SD  # without a redundant marker nothing is left over to judge by
-    covariance, determined = pose_covariance(second.information, max(known, FIRST_SD))
-    if known < FIRST_SD:
-        covariance, _ = pose_covariance(second.information, known)
+    _, determined = pose_covariance(second.information, FIRST_SD)
+    covariance, _ = pose_covariance(second.information, sd)
     offsets, _ = pose_covariance(second.information, placement_sd)
     usable = determined & second.converged
     variances = np.diagonal(offsets, axis1=1, axis2=2)
     mean = variances[usable].mean(axis=0) if usable.any() else variances.mean(axis=0)
+    on_sites = second.predicted - _turned(second, shift)
     return JointAngles(
         q=second.q,
         covariance=covariance,
         offset_sd=np.sqrt(mean),
         valid=usable,
-        residual=np.where(seen, np.linalg.norm(markers - second.predicted, axis=-1), np.nan),
+        residual=np.where(seen, np.linalg.norm(markers - on_sites, axis=-1), np.nan),
         marker_sd=sd,
     )
+
+
+def _turned(poses: PoseSolution, places: np.ndarray) -> np.ndarray:
+    """Vectors fixed in the markers' bodies, in world axes, `[frame, marker, 3]`."""
+    return np.einsum("fmij,mj->fmi", poses.rotations, places)
+
+
+def _mean_places(poses: PoseSolution, markers: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """Mean place of every marker beside its site, body axes; from complete frames where there are enough."""
+    complete = seen.all(axis=1)
+    used = seen & complete[:, None] if complete.sum() >= ENOUGH else seen
+    beside = np.einsum("fmji,fmj->fmi", poses.rotations, np.nan_to_num(markers - poses.predicted))
+    return np.sum(np.where(used[:, :, None], beside, 0.0), axis=0) / np.maximum(used.sum(axis=0), 1)[:, None]
+
+
+def _gaps_again(
+    model: Model, sites: tuple[int, ...], poses: PoseSolution, markers: np.ndarray, seen: np.ndarray, shift: np.ndarray
+) -> PoseSolution:
+    """Frames with a gap solved with the markers' own places; predictions of all frames on these places."""
+    poses = poses._replace(predicted=poses.predicted + _turned(poses, shift))
+    gaps = np.flatnonzero(~seen.all(axis=1))
+    if not len(gaps):
+        return poses
+    again = solve_poses(model, sites, markers[gaps], seen[gaps].astype(float), poses.q[gaps], shift)
+    items = [item.copy() for item in poses]
+    for item, new in zip(items, again, strict=True):
+        item[gaps] = new
+    return PoseSolution(*items)
 
 
 def _bridged(poses: PoseSolution, markers: np.ndarray, seen: np.ndarray) -> np.ndarray:

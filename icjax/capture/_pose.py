@@ -43,6 +43,7 @@ def solve_poses(
     markers: Float[np.ndarray, "frame marker 3"],
     weight: Float[np.ndarray, "frame marker"],
     start: Float[np.ndarray, "frame nq"] | None = None,
+    shift: Float[np.ndarray, "marker 3"] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> PoseSolution:
     """Coordinates that bring the model's sites closest to the markers, frame by frame.
@@ -51,20 +52,23 @@ def solve_poses(
     are solved first from a registration of the root (see `start_coordinates`); the others start from what is found
     there, interpolated in time.
 
-    **Arguments**: `sites` of the model, one a marker; `markers` m, NaN where `weight` is zero; `progress` is told
-    the finished fraction.
+    **Arguments**: `sites` of the model, one a marker; `markers` m, NaN where `weight` is zero; `shift` moves the
+    markers' places on their bodies away from the sites, m; `progress` is told the finished fraction.
     """
     weight = np.where(np.isfinite(markers).all(axis=-1), weight, 0.0)
     markers = np.nan_to_num(markers)
     told = progress or (lambda fraction: None)
+    places = np.asarray(model.site_position)[list(sites)]
+    if shift is not None:
+        places = places + shift
     if start is None:
-        start = _spread_start(model, sites, markers, weight)
+        start = _spread_start(model, sites, places, markers, weight)
     total = -(-len(markers) // BLOCK)
     finished = 0
 
     def solve(*block):
         nonlocal finished
-        solved = jax.block_until_ready(_compiled(model, sites, *block))
+        solved = jax.block_until_ready(_compiled(model, sites, places, *block))
         finished += 1
         told(finished / total)
         return solved
@@ -72,7 +76,9 @@ def solve_poses(
     return PoseSolution(*by_blocks(solve, start, markers, weight))
 
 
-def _spread_start(model: Model, sites: tuple[int, ...], markers: np.ndarray, weight: np.ndarray) -> np.ndarray:
+def _spread_start(
+    model: Model, sites: tuple[int, ...], places: np.ndarray, markers: np.ndarray, weight: np.ndarray
+) -> np.ndarray:
     """Solutions of at most one block of frames spread over the trial, interpolated to all frames."""
     count = len(markers)
     complete = np.flatnonzero(weight.sum(axis=1) >= weight.sum(axis=1).max())
@@ -80,7 +86,7 @@ def _spread_start(model: Model, sites: tuple[int, ...], markers: np.ndarray, wei
     guess = start_coordinates(model, sites, markers[chosen], weight[chosen])
 
     def solve(q):
-        return PoseSolution(*by_blocks(lambda *block: _compiled(model, sites, *block), q, observed, weights))
+        return PoseSolution(*by_blocks(lambda *block: _compiled(model, sites, places, *block), q, observed, weights))
 
     observed, weights = markers[chosen], weight[chosen]
     found = solve(guess)
@@ -126,10 +132,10 @@ def _padded(array: np.ndarray, length: int) -> np.ndarray:
 
 
 @eqx.filter_jit
-def _compiled(model: Model, sites: tuple[int, ...], start, markers, weight):
+def _compiled(model: Model, sites: tuple[int, ...], places, start, markers, weight):
     bodies = np.asarray(model.site_bodies)[list(sites)]
     moves = model.path_mask[bodies]
-    places = jnp.asarray(model.site_position)[np.asarray(sites)]
+    places = jnp.asarray(places)
 
     def predicted(q):
         poses = forward_kinematics(model, q)

@@ -34,8 +34,9 @@ class _State(NamedTuple):
     residual: jax.Array
     information: jax.Array
     gradient: jax.Array
-    scale: jax.Array
     damping: jax.Array
+    trial: jax.Array
+    small: jax.Array
     done: jax.Array
     step: jax.Array
 
@@ -87,55 +88,48 @@ def least_squares(
     def by_forward_mode(x, d):
         return jax.jacfwd(lambda dx: residual(retract(x, dx), d))(zero)
 
-    all_residuals, all_jacobians = jax.vmap(residual), jax.vmap(jacobian or by_forward_mode)
-    all_moved = jax.vmap(retract)
-
-    def linearised(x):
-        r, J = all_residuals(x, data), all_jacobians(x, data)
-        H = jnp.einsum("bmi,bmj->bij", J, J)
-        return r, H, jnp.einsum("bmi,bm->bi", J, r), jnp.sqrt(_cost(r) * jnp.einsum("bii->b", H))
+    def linearised(x, d):
+        r, J = residual(x, d), (jacobian or by_forward_mode)(x, d)
+        return r, J.T @ J, J.T @ r
 
     def advance(state: _State) -> _State:
-        H = state.information
+        r, H, g = jax.vmap(linearised)(state.trial, data)
+        better = ((_cost(r) <= _cost(state.residual)) | (state.step == 0)) & ~state.done
+        first, least, most = DAMPING
+        damping = jnp.clip(jnp.where(better, state.damping / 10, state.damping * 10), least, most)
+        value = _chosen(better, state.trial, state.value)
+        r, H, g = (_chosen(better, new, old) for new, old in zip((r, H, g), state[1:4], strict=True))
         diagonal = jnp.einsum("bii->bi", H)
         floor = jnp.max(diagonal, axis=1, keepdims=True) * eps + tiny
-        damped = H + (state.damping[:, None] * diagonal + floor)[:, :, None] * eye[None]
-        dx = -jax.scipy.linalg.cho_solve((jnp.linalg.cholesky(damped), True), state.gradient[:, :, None])[:, :, 0]
-        value = all_moved(state.value, dx)
-        r, H, g, scale = linearised(value)
-        better = (_cost(r) <= _cost(state.residual)) & ~state.done
-        small = jnp.max(jnp.abs(dx), axis=1) < smallest
-        first, least, most = DAMPING
+        damped = H + (damping[:, None] * diagonal + floor)[:, :, None] * eye[None]
+        dx = -jax.scipy.linalg.cho_solve((jnp.linalg.cholesky(damped), True), g[:, :, None])[:, :, 0]
         return _State(
-            value=_chosen(better, value, state.value),
-            residual=_chosen(better, r, state.residual),
-            information=_chosen(better, H, state.information),
-            gradient=_chosen(better, g, state.gradient),
-            scale=_chosen(better, scale, state.scale),
-            damping=jnp.clip(jnp.where(better, state.damping / 10, state.damping * 10), least, most),
-            done=state.done | small,
+            value=value,
+            residual=r,
+            information=H,
+            gradient=g,
+            damping=damping,
+            trial=jax.vmap(retract)(value, dx),
+            small=jnp.max(jnp.abs(dx), axis=1) < smallest,
+            done=state.done | state.small,
             step=state.step + 1,
         )
 
-    r, H, g, scale = linearised(start)
     count = start.shape[0]
-    state = _State(
-        value=start,
-        residual=r,
-        information=H,
-        gradient=g,
-        scale=scale,
-        damping=jnp.full(count, DAMPING[0], start.dtype),
-        done=jnp.zeros(count, bool),
-        step=jnp.zeros((), jnp.int32),
-    )
-    state = jax.lax.while_loop(lambda s: (s.step < max_steps) & ~jnp.all(s.done), advance, state)
-    steepness = jnp.max(jnp.abs(state.gradient), axis=1) / jnp.where(state.scale > 0, state.scale, 1.0)
-    finite = jnp.isfinite(_cost(state.residual)) & jnp.all(jnp.isfinite(state.value), axis=1)
+    shape = jax.eval_shape(jax.vmap(linearised), start, data)
+    r, H, g = (jnp.zeros(item.shape, item.dtype) for item in shape)
+    none = jnp.zeros(count, bool)
+    damping = jnp.full(count, 10 * DAMPING[0], start.dtype)
+    state = _State(start, r, H, g, damping, start, none, none, jnp.zeros((), jnp.int32))
+    state = jax.lax.while_loop(lambda s: (s.step <= max_steps) & ~jnp.all(s.done), advance, state)
+    cost = _cost(state.residual)
+    scale = jnp.sqrt(cost * jnp.einsum("bii->b", state.information))
+    steepness = jnp.max(jnp.abs(state.gradient), axis=1) / jnp.where(scale > 0, scale, 1.0)
+    finite = jnp.isfinite(cost) & jnp.all(jnp.isfinite(state.value), axis=1)
     return Solution(
         value=Fit(value=state.value, residual=state.residual, information=state.information),
         result=jax.vmap(_result)(state.done, finite),
-        stats={"steps": state.step, "residual": steepness},
+        stats={"steps": state.step - 1, "residual": steepness},
     )
 
 

@@ -1,0 +1,234 @@
+"""Bad input: one line that names the file and what is wrong in it, and nothing half written."""
+
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from icjax.capture import capture, check, read_session
+from icjax.files import FileError, write_c3d
+from icjax.model import index_finger, integrate, neutral, site_positions
+from icjax.recording import Session
+
+MODEL = index_finger(0.19, "free")
+CHANNELS = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
+UNITS = ("N",) * 3 + ("Nm",) * 3
+
+TEXT = """
+name = "small"
+subject = "nobody"
+[model]
+builtin = "index_finger"
+hand_length = 0.19
+root = "free"
+[markers]
+MARKERS
+[filter]
+markers = 20.0
+[[source]]
+name = "plate"
+kind = "six_axis"
+channels = ["Fx", "Fy", "Fz", "Tx", "Ty", "Tz"]
+position = [0, 0, -0.026]
+rotation = [[0, 1, 0], [1, 0, 0], [0, 0, -1]]
+sign = "on_environment"
+surface = { point = [0, 0, 0], normal = [0, 0, 1] }
+tare = [0.0, 0.2]
+[[trial]]
+name = "one"
+file = "one.c3d"
+role = "trial"
+touches = { plate = "fingertip" }
+[[trial]]
+name = "again"
+file = "one.c3d"
+role = "catch"
+catch_of = "one"
+touches = { plate = "fingertip" }
+""".replace("MARKERS", "\n".join(f'{name} = "{name}"' for name in MODEL.site_names))
+
+
+def recording():
+    """Markers and forces of a press of 2 N between 0.5 and 0.8 s."""
+    time = np.arange(500) / 500.0
+    dq = np.zeros((500, MODEL.nv))
+    dq[:, 6:] = 0.2 + 0.1 * np.sin(2 * np.pi * time)[:, None]
+    q = jax.vmap(lambda d: integrate(MODEL, neutral(MODEL), d))(jnp.asarray(dq))
+    markers = np.array(jax.vmap(lambda item: site_positions(MODEL, item))(q))
+    force_time = np.arange(1000) / 1000.0
+    analog = 0.01 * np.random.default_rng(0).normal(size=(1000, 6)) + 0.3
+    analog[:, 3:] = 0.0002 * np.random.default_rng(1).normal(size=(1000, 3))
+    analog[:, 2] += np.clip(100 * np.minimum(force_time - 0.5, 0.8 - force_time), 0, 2)
+    return markers, analog
+
+
+def write(folder: Path, text=TEXT, **changes) -> Path:
+    markers, analog = recording()
+    arguments = {
+        "marker_names": MODEL.site_names,
+        "markers": markers,
+        "marker_rate": 500.0,
+        "analog_names": CHANNELS,
+        "analog_units": UNITS,
+        "analog": analog,
+        "analog_rate": 1000.0,
+    }
+    write_c3d(folder / "one.c3d", **(arguments | changes))
+    (folder / "session.toml").write_text(text)
+    return folder / "session.toml"
+
+
+def one_line(error) -> str:
+    text = str(error.value)
+    assert "\n" not in text
+    return text
+
+
+def test_a_good_session_is_captured_and_survives_the_disk(tmp_path):
+    spec = read_session(write(tmp_path))
+    told = []
+    session = capture(spec, progress=told.append)
+    assert [item.role for item in session.recordings] == ["trial", "catch"]
+    recording = session.recordings[0]
+    np.testing.assert_allclose(recording.events.onset, [0.5], atol=0.002)
+    np.testing.assert_allclose(recording.events.release, [0.8], atol=0.002)
+    assert recording.contact_bodies == (MODEL.body_names[MODEL.pad_bodies[0]],)
+    pressing = recording.contact_force[(recording.time > 0.55) & (recording.time < 0.75), 0]
+    # Ten milliNewton of noise at 1 kHz, a 60 Hz band: 3.5 mN; four of these.
+    np.testing.assert_allclose(pressing, np.tile([0.0, 0.0, 2.0], (len(pressing), 1)), atol=0.02)
+    assert np.isnan(recording.contact_point[~recording.touching[:, 0], 0]).all()
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+    session.save(tmp_path / "out" / "recording.nc")
+    loaded = Session.load(tmp_path / "out" / "recording.nc")
+    for a, b in zip(jax.tree.leaves(session), jax.tree.leaves(loaded), strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert loaded.recordings[0].provenance == recording.provenance
+
+
+def test_check_tells_rates_channels_gaps_and_doubts(tmp_path):
+    markers, analog = recording()
+    markers[:200, 3] = np.nan
+    analog[600:650, 0] = 5.0
+    text = "\n".join(check(read_session(write(tmp_path, markers=markers, analog=analog))))
+    assert "500 frames at 500 Hz" in text
+    assert "1000 analog samples at 1000 Hz: Fx (N)" in text
+    assert f"gaps: {MODEL.site_names[3]} 40.0 %" in text
+    assert f"suspicious: trial 'one': marker '{MODEL.site_names[3]}' is missing in 40 % of the frames" in text
+    assert "suspicious: trial 'one': channel 'Fx' stays at its largest value 5" in text
+    assert "reads 0.52 N unloaded" in text or "N unloaded (noise" in text
+    assert "error" not in text
+
+
+def test_check_suspects_a_wrong_unit(tmp_path):
+    markers, _ = recording()
+    text = "\n".join(check(read_session(write(tmp_path, markers=1000 * markers))))
+    assert "is the unit mm right?" in text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ('subject = "nobody"', 'subjet = "nobody"', "has the unknown key 'subjet'; did you mean 'subject'?"),
+        ('touches = { plate = "fingertip" }', 'touchs = { plate = "fingertip" }', "did you mean 'touches'?"),
+        ('{ plate = "fingertip" }', '{ plate = "thumb" }', "[[trial]] 1 'one': key 'touches' names 'thumb', neither a"),
+        ('{ plate = "fingertip" }', '{ floor = "fingertip" }', "names the unknown source 'floor'; known: plate"),
+        ('FA1 = "FA1"', 'FA1 = "XX1"', "[markers] key 'FA1': unknown site 'XX1'"),
+        ('FA1 = "FA1"', 'FA1 = "FA2"', "marker site 'FA2' is named twice"),
+        ('builtin = "index_finger"', 'builtin = "thumb"', "[model] key 'builtin' must be one of 'index_finger'"),
+        ('builtin = "index_finger"\nhand_length = 0.19', 'file = "absent.xml"', "[model] key 'file': "),
+        (
+            "hand_length = 0.19",
+            'hand_length = "long"',
+            "[model] key 'hand_length' must be a number above 0, not 'long'",
+        ),
+        ("markers = 20.0", "markers = -1.0", "[filter] key 'markers' must be a number above 0, not -1.0"),
+        ('name = "plate"\n', 'name = "plate"\nsort = 1\n', "[[source]] 1 'plate': has the unknown key 'sort'"),
+        ('"Tz"]', "]", "key 'channels' lists 5 channels; kind 'six_axis' needs 6"),
+        ('sign = "on_environment"\n', "", "[[source]] 1 'plate': needs the key 'sign'"),
+        ("[[0, 1, 0], [1, 0, 0]", "[[0, 2, 0], [1, 0, 0]", "key 'rotation' must be three rows of a rotation matrix"),
+        ("tare = [0.0, 0.2]", "tare = [0.2, 0.0]", "key 'tare' must be an interval [from, to] in s"),
+        ("tare = [0.0, 0.2]", "tare = [4.0, 5.0]", "the tare window 4 to 5 s is outside the recording one.c3d, 0 to"),
+        ('file = "one.c3d"', 'file = "two.c3d"', "[[trial]] 1 'one': key 'file' names "),
+        ('catch_of = "one"', 'catch_of = "two"', "[[trial]] 'again': catch_of names the unknown trial 'two'"),
+        ('catch_of = "one"\n', "", "needs the key 'catch_of' exactly when its role is 'catch'"),
+        ('name = "again"', 'name = "one"', "trial 'one' is named twice"),
+        ('role = "trial"', 'role = "rest"', "key 'role' must be one of 'trial', 'catch', 'static'"),
+        ('name = "small"', 'name = "small', "is not valid TOML: "),
+        (
+            'name = "small"',
+            'folder = "${NO_SUCH_VARIABLE_HERE}/x"',
+            "variable NO_SUCH_VARIABLE_HERE, which",
+        ),
+        ('"Tz"]', '"Mz"]', "has no analog channel 'Mz'"),
+    ],
+)
+def test_an_error_in_the_session_file_is_one_line(tmp_path, old, new, expected):
+    path = write(tmp_path)
+    assert old in TEXT
+    path.write_text(TEXT.replace(old, new, 1))
+    with pytest.raises(FileError) as error:
+        capture(read_session(path), trials=("one",))
+    assert expected in one_line(error)
+
+
+def test_a_missing_session_file(tmp_path):
+    with pytest.raises(FileError, match="does not exist"):
+        read_session(tmp_path / "session.toml")
+
+
+def fails(path) -> str:
+    with pytest.raises(FileError) as error:
+        capture(read_session(path))
+    assert [item.name for item in path.parent.iterdir() if item.suffix == ".nc"] == []
+    return one_line(error)
+
+
+def test_a_truncated_recording(tmp_path):
+    path = write(tmp_path)
+    data = (tmp_path / "one.c3d").read_bytes()
+    (tmp_path / "one.c3d").write_bytes(data[: len(data) // 2])
+    assert "one.c3d: " in fails(path)
+    assert any(line.startswith("error: ") and "one.c3d" in line for line in check(read_session(path)))
+
+
+def test_a_marker_that_is_never_seen(tmp_path):
+    markers, _ = recording()
+    markers[:, 4] = np.nan
+    path = write(tmp_path, markers=markers)
+    assert f"marker '{MODEL.site_names[4]}' is missing in every frame" in fails(path)
+    assert any(line.startswith("error: ") and "every frame" in line for line in check(read_session(path)))
+
+
+def test_a_marker_that_the_file_does_not_have(tmp_path):
+    names = list(MODEL.site_names)
+    names[4] = "other"
+    message = fails(write(tmp_path, marker_names=names))
+    assert f"has no marker '{MODEL.site_names[4]}', which session.toml [markers] names" in message
+
+
+def test_a_trial_without_forces(tmp_path):
+    message = fails(
+        write(tmp_path, analog_names=(), analog_units=(), analog=None, analog_rate=None),
+    )
+    assert "one.c3d: holds no forces, but trial 'one' touches 'plate'" in message
+
+
+def test_a_plate_that_the_file_does_not_have(tmp_path):
+    start, stop = TEXT.index("[[source]]"), TEXT.index("[[trial]]")
+    plates = '[[source]]\nname = "plate"\nkind = "force_plate"\nplate = 2\ntare = [0.0, 0.2]\n'
+    message = fails(write(tmp_path, TEXT[:start] + plates + TEXT[stop:]))
+    assert "has no force plate 2 (source 'plate'); it has 0" in message
+
+
+def test_time_that_goes_backwards(tmp_path):
+    path = write(tmp_path, TEXT.replace('file = "one.c3d"', 'markers = "one.csv"\nforces = "one.c3d"', 1))
+    markers, _ = recording()
+    columns = [f"{name}_{axis}" for name in MODEL.site_names for axis in "xyz"]
+    rows = np.concatenate([np.arange(500)[:, None] / 500.0, 1e3 * markers.reshape(500, -1)], axis=1)
+    rows[100, 0] = 0.1
+    np.savetxt(tmp_path / "one.csv", rows, delimiter=",", header=",".join(["time", *columns]), comments="")
+    message = fails(path)
+    assert "one.csv: time does not increase" in message
