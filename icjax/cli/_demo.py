@@ -41,13 +41,7 @@ class Demo:
         steps = Steps(6)
         studio = self.out / "studio"
         with steps.step("record a virtual session") as progress:
-            record(
-                studio,
-                seed=self.seed,
-                trials=self.trials,
-                contacts=self.contacts,
-                progress=lambda done, total, name: progress(done / total),
-            )
+            record(studio, seed=self.seed, trials=self.trials, contacts=self.contacts, progress=progress)
         with steps.step("markers to joint angles, forces and contact events") as progress:
             session = capture(read_session(studio / "session.toml"), progress=progress)
             session.save(self.out / "recording.nc")

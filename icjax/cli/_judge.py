@@ -47,7 +47,7 @@ def judge_estimate(interaction: Interaction, truth: Truth) -> dict:
         summary = list(interaction.summary.joint_names).index(joint)
         result[joint] = {
             "torque_nrmse": _ratio(torque[loaded, index] - true[loaded, index], true[loaded, index]),
-            "compliance": float(interaction.summary.compliance[summary]),
+            "compliance": _finite(interaction.summary.compliance[summary]),
             "true_compliance": float(truth.C[index]),
         }
     return result
@@ -90,6 +90,10 @@ def _at(time, samples, values) -> np.ndarray:
 def _ratio(error: np.ndarray, truth: np.ndarray) -> float | None:
     size = np.sqrt(np.mean(truth**2)) if truth.size else 0.0
     return float(np.sqrt(np.mean(error**2)) / size) if size > 0 else None
+
+
+def _finite(value) -> float | None:
+    return float(value) if np.isfinite(value) else None
 
 
 def _ms(seconds) -> float:
