@@ -34,7 +34,7 @@ def scene(recordings: Recordings, interactions: Interactions, rollouts: Rollouts
     elif recordings:
         first = next((item for item in recordings if item.role == "trial"), recordings[0])
         shown.append((f"measured ({first.name})", first))
-    shown += [(item.name, item) for item in rollouts]
+    shown += [(view.scene_name(item), item) for item in rollouts]
     if not shown:
         return Section(
             "view", "In three dimensions", absent("Nothing to show: no recording, interaction or rollout.")
@@ -207,12 +207,12 @@ def rollout_table(rollouts: Rollouts) -> Section:
         failed = np.flatnonzero(status != 0)
         closed = max(int((state > 0).any(axis=1).sum()), 1)
         share = [(state == SLIP_STATES.index(name)).any(axis=1).sum() / closed for name in ("sticking", "sliding")]
-        rows.append([item.name, str(len(status)), str(len(failed)), _largest(item.residual, ".1e"),
+        rows.append([view.scene_name(item), str(len(status)), str(len(failed)), _largest(item.residual, ".1e"),
                      _largest(item.equilibrium_error, ".1e"), f"{1e3 * float(np.nanmin(np.asarray(item.gap))):.2f}",
                      f"{share[0]:.0%}", f"{share[1]:.0%}"])  # fmt: skip
-        causes += [[item.name, f"{float(item.time[k]):.3f}", _cause(int(status[k]))] for k in failed[:20]]
+        causes += [[view.scene_name(item), f"{float(item.time[k]):.3f}", _cause(int(status[k]))] for k in failed[:20]]
         if len(failed) > 20:
-            causes.append([item.name, "", f"and {len(failed) - 20} more"])
+            causes.append([view.scene_name(item), "", f"and {len(failed) - 20} more"])
     body = paragraph(
         "The residual is that of the complementarity problem, recomputed from its solution. The equilibrium error "
         "is what Eq. 7 leaves after a step. The gap is that of the undeformed pad, negative where it is pressed in. "
@@ -256,7 +256,7 @@ def provenance(
         for item in items:
             body += folded(f"{kind} {item.name}", _pretty(item.provenance))
     for item in rollouts:
-        body += folded(f"scene of rollout {item.name}", _pretty(item.scene))
+        body += folded(f"scene of rollout {view.scene_name(item)}", _pretty(item.scene))
     return Section("provenance", "Where the numbers come from", body)
 
 

@@ -1,23 +1,32 @@
 """What the page says first, in plain words."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from icjax.interaction import Interaction
 from icjax.recording import Recording
 from icjax.rollout import Rollout
-from icjax.view import force_components
+from icjax.view import force_components, scene_name
 
 Recordings = Sequence[Recording]
 Interactions = Sequence[Interaction]
 Rollouts = Sequence[Rollout]
 
 
-def is_simulated(recordings: Recordings, interactions: Interactions) -> bool | None:
-    """What the provenance says about the recording: simulated, not simulated, or nothing (None)."""
+def is_simulated(
+    recordings: Recordings, interactions: Interactions, metrics: Mapping[str, Any] | None = None
+) -> bool | None:
+    """What the provenance says about the recording: simulated, not simulated, or nothing (None).
+
+    Looked for: an entry `simulated` that is true or false, or metrics whose `data` begins with that word.
+    """
+    if str((metrics or {}).get("data", "")).startswith("simulated"):
+        return True
     found = [_find(_parsed(item.provenance), "simulated") for item in (*recordings, *interactions)]
+    found.append(_find(metrics, "simulated"))
     known = [value for value in found if isinstance(value, bool)]
     return any(known) if known else None
 
@@ -49,7 +58,7 @@ def lead(recordings: Recordings, interactions: Interactions, rollouts: Rollouts,
     else:
         parts.append("No interaction has been estimated yet.")
     if rollouts:
-        names = ", ".join(item.name for item in rollouts)
+        names = ", ".join(scene_name(item) for item in rollouts)
         parts.append(
             f"The interaction was then carried by contact simulation to {_count(len(rollouts), 'scene')}: {names}."
         )
@@ -126,7 +135,7 @@ def _parsed(content: str) -> object:
 
 def _find(value: object, key: str) -> object:
     """The first entry named `key` anywhere in nested dictionaries and lists, else None."""
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         if key in value:
             return value[key]
         value = list(value.values())

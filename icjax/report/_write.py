@@ -45,7 +45,8 @@ def write_report(
     - `rollouts`: the transfers, in the order to show them.
     - `metrics`: numbers to list, nested as you like; `versions`: by default those of the installed packages.
     - `seed`: of the demonstration, if one was used.
-    - `simulated`: whether the *recording* came from a simulation; by default what its provenance says, else unknown.
+    - `simulated`: whether the *recording* came from a simulation; by default what its provenance or
+      the metrics say, else unknown.
     - `title`: by default made from the names.
 
     **Returns**: the path.
@@ -55,7 +56,7 @@ def write_report(
     """
     recordings = (session,) if isinstance(session, Recording) else (session.recordings if session else ())
     interactions, rollouts = tuple(interactions), tuple(rollouts)
-    simulated = is_simulated(recordings, interactions) if simulated is None else simulated
+    simulated = is_simulated(recordings, interactions, metrics) if simulated is None else simulated
     name = session.name if session is not None else next((item.name for item in (*interactions, *rollouts)), "nothing")
     title = title or f"Interaction capture: {name}"
     frame, script = scene(recordings, interactions, rollouts)

@@ -12,3 +12,4 @@ from icjax.view._snapshot import draw_snapshot as draw_snapshot
 from icjax.view._snapshot import snapshot as snapshot
 from icjax.view._style import save as save
 from icjax.view._style import svg as svg
+from icjax.view._surfaces import scene_name as scene_name

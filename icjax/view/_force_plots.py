@@ -19,7 +19,9 @@ from icjax.view._style import (
     legend_above,
     new_figure,
     styled,
+    thinned,
 )
+from icjax.view._surfaces import scene_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -85,13 +87,14 @@ def plot_forces(interaction: Interaction | None, rollouts: tuple[Rollout, ...]) 
     for column in range(columns):
         normal_axis, tangent_axis, strip = grid[:, column]
         if interaction is not None:
-            normal, tangential = force_components(interaction)
-            time = np.asarray(interaction.time)
+            kept = thinned(len(interaction.time))
+            time = np.asarray(interaction.time)[kept]
+            normal, tangential = (values[kept] for values in force_components(interaction))
             normal_axis.plot(time, normal, color=QUIET, lw=1.1, label="measured")
             tangent_axis.plot(time, tangential, color=QUIET, lw=1.1)
         if rollouts:
             _draw_rollout(normal_axis, tangent_axis, strip, rollouts[column], SIMULATED[column % len(SIMULATED)])
-            normal_axis.set_title(rollouts[column].name)
+            normal_axis.set_title(scene_name(rollouts[column]))
         strip.set_ylim(0.0, 1.0)
         strip.set_yticks([])
         strip.grid(False)
@@ -108,15 +111,16 @@ def plot_forces(interaction: Interaction | None, rollouts: tuple[Rollout, ...]) 
 
 
 def _draw_rollout(normal_axis: Any, tangent_axis: Any, strip: Any, rollout: Rollout, colour: str) -> None:
-    time = np.asarray(rollout.time)
-    normal, tangential = force_components(rollout)
+    kept = thinned(len(rollout.time))
+    time = np.asarray(rollout.time)[kept]
+    normal, tangential = (values[kept] for values in force_components(rollout))
     normal_axis.plot(time, normal, color=colour, lw=1.4, label="simulated")
     tangent_axis.plot(time, tangential, color=colour, lw=1.4)
     friction = stated_friction(rollout.scene)
     if friction is not None:
         tangent_axis.plot(time, friction * normal, color=INK, lw=0.8, ls=":", label=f"μ × normal, μ = {friction:g}")
         legend_above(tangent_axis)
-    state = np.asarray(rollout.slip_state).max(axis=1, initial=0)
+    state = np.asarray(rollout.slip_state)[kept].max(axis=1, initial=0)
     for value, shade in ((1, STICKING), (2, SLIDING)):
         strip.fill_between(time, 0.0, 1.0, where=state == value, color=shade, lw=0, step="post")
 
@@ -132,8 +136,9 @@ def _strip_handles() -> list[Any]:
 @styled
 def plot_measured_forces(recording: Recording) -> "Figure":
     """Measured normal and tangential force of a recording with the onsets and releases found in it."""
-    normal, tangential = force_components(recording)
-    time = np.asarray(recording.time)
+    kept = thinned(len(recording.time))
+    normal, tangential = (values[kept] for values in force_components(recording))
+    time = np.asarray(recording.time)[kept]
     figure = new_figure(7.6, 2.1)
     axis = figure.subplots()
     for onset, release in zip(np.asarray(recording.events.onset), np.asarray(recording.events.release), strict=True):

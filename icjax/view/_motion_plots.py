@@ -17,8 +17,9 @@ from icjax.view._style import (
     legend_above,
     new_figure,
     styled,
+    thinned,
 )
-from icjax.view._surfaces import Shape, profile, scene_surfaces, touched_plane
+from icjax.view._surfaces import Shape, profile, scene_name, scene_surfaces, touched_plane
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,17 +47,18 @@ def plot_angles(interaction: Interaction) -> "Figure":
     Shaded: contact. Band: 95 % of the reference's stated uncertainty (its standard deviation times 1.96).
     """
     joints = hinge_columns(interaction.model)
-    time = np.asarray(interaction.time, dtype=float)
+    kept = thinned(len(interaction.time))
+    time = np.asarray(interaction.time, dtype=float)[kept]
     intervals = contact_intervals(interaction)
     figure = new_figure(7.6, 0.5 + 1.25 * len(joints))
     axes = figure.subplots(len(joints), 1, sharex=True, squeeze=False)[:, 0]
     for axis, (name, coordinate, dof) in zip(axes, joints, strict=True):
         for start, stop in intervals:
             axis.axvspan(start, stop, color=CONTACT, alpha=0.8, lw=0)
-        reference = np.degrees(np.asarray(interaction.reference, dtype=float)[:, coordinate])
-        spread = 1.96 * np.degrees(np.asarray(interaction.reference_sd, dtype=float)[:, dof])
+        reference = np.degrees(np.asarray(interaction.reference, dtype=float)[kept, coordinate])
+        spread = 1.96 * np.degrees(np.asarray(interaction.reference_sd, dtype=float)[kept, dof])
         axis.fill_between(time, reference - spread, reference + spread, color=REFERENCE, alpha=0.22, lw=0)
-        axis.plot(time, np.degrees(np.asarray(interaction.q)[:, coordinate]), color=MEASURED, label="measured θ")
+        axis.plot(time, np.degrees(np.asarray(interaction.q)[kept, coordinate]), color=MEASURED, label="measured θ")
         axis.plot(time, reference, color=REFERENCE, ls=(0, (4, 2)), label="reference θr")
         axis.set_ylabel(f"{name} (deg)")
         axis.margins(x=0.0)
@@ -80,9 +82,14 @@ def plot_path(interaction: Interaction | None, rollouts: tuple[Rollout, ...] = (
     model = interaction.model if interaction is not None else rollouts[0].model
     up = up_direction(model)
     drop = (float(model.pad_radius[0]) if len(model.pad_names) else 0.0) * up
-    measured = None if interaction is None else pad_path(model, interaction.q) - drop
+    measured = None if interaction is None else pad_path(model, interaction.q[thinned(len(interaction.q))]) - drop
     panels: list[tuple[str, tuple[Shape, ...], np.ndarray | None, str]] = [
-        (item.name, scene_surfaces(item.scene), pad_path(item.model, item.q) - drop, SIMULATED[i % len(SIMULATED)])
+        (
+            scene_name(item),
+            scene_surfaces(item.scene),
+            pad_path(item.model, item.q[thinned(len(item.q))]) - drop,
+            SIMULATED[i % len(SIMULATED)],
+        )
         for i, item in enumerate(rollouts)
     ]
     if not panels and interaction is not None:

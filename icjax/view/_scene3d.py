@@ -46,7 +46,7 @@ def export_scene(
     """A page with the record in 3-D, a time bar and a play button, that opens from disk with no network.
 
     The body is drawn as capsules between body origins, translucent so that forces inside it show, the reference
-    pose as a fainter ghost, every contact
+    pose as a fainter ghost where the two differ, every contact
     force as an arrow from the contact point, coloured by its slip state in a rollout. Surfaces come from a
     rollout's scene; with a measured record they are a level patch through the contact points. A server is opened
     on this machine only (127.0.0.1, a free port) while the page is made, and closed again.
@@ -118,11 +118,14 @@ def _record_scene(server: Any, record: Recording | Interaction | Rollout, shown:
     ghost_positions = shown.position if shown.ghost_position is None else shown.ghost_position
     ghost_quaternions = quaternions if shown.ghost_rotation is None else _quaternions(shown.ghost_rotation)
 
+    apart = np.abs(ghost_positions - shown.position).max(axis=(1, 2)) > 0.005 * size
+
     def place(k: int) -> None:
         for body, node in nodes.items():
             node.wxyz, node.position = quaternions[k, body], shown.position[k, body]
         for body, node in ghosts.items():
             node.wxyz, node.position = ghost_quaternions[k, body], ghost_positions[k, body]
+            node.visible = bool(apart[k])
         arrows.show(shown.point[k], shown.force[k], shown.colour[k])
         if shown.markers is not None:
             found = shown.markers[k][np.isfinite(shown.markers[k]).all(axis=1)]

@@ -85,6 +85,11 @@ def new_figure(width: float, height: float) -> "Figure":
     return figure
 
 
+def thinned(count: int) -> slice:
+    """Every so many samples of a series, so that a page stays small: at most 1500 to 3000 are drawn."""
+    return slice(None, None, max(1, count // 1500))
+
+
 def legend_above(axis: Any, columns: int = 5, **keywords: Any) -> None:
     """Legend in one line above the axes, where it hides no data."""
     axis.legend(
@@ -113,6 +118,7 @@ def svg(figure: "Figure", prefix: str, description: str = "") -> str:
     text = re.sub(r'<style type="text/css">.*?</style>', "", text, flags=re.DOTALL)
     text = re.sub(r"font-family: [^;\"]*", "font-family: inherit", text)
     text = re.sub(r"(font: [^;\"]*?\d(?:\.\d+)?px) [^;\"]*", r"\1 sans-serif", text)
+    text = re.sub(r'\b(?:d|x|y)="[^"]*"', lambda match: re.sub(r"(\.\d\d)\d+", r"\1", match.group()), text)
     text = re.sub(r'\bid="', f'id="{prefix}-', text)
     text = re.sub(r"url\(#", f"url(#{prefix}-", text)
     text = re.sub(r'(xlink:href|href)="#', rf'\1="#{prefix}-', text)

@@ -34,6 +34,16 @@ class Bump(NamedTuple):
 Shape = Patch | Bump
 
 
+def scene_name(rollout: Rollout) -> str:
+    """What a rollout is called in pictures: the name of its scene, or its own where the scene has none."""
+    try:
+        content = json.loads(rollout.scene) if rollout.scene else {}
+    except json.JSONDecodeError:
+        content = {}
+    name = content.get("name") if isinstance(content, Mapping) else None
+    return str(name) if name else rollout.name
+
+
 def scene_surfaces(scene: str) -> tuple[Shape, ...]:
     """Surfaces in the JSON text of `Rollout.scene`.
 
