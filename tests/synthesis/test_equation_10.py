@@ -13,7 +13,7 @@ from icjax.synthesis import Target, init, step
 EXACT = 1e-12  # rounding: both solve the same small problem with numbers of order one
 
 
-def equation_10_step(model, scene, q, pad_force, contact_point, force_before, reference_before, reference, friction):
+def equation_10_step(model, scene, q, contact_point, force_before, reference_before, reference, friction):
     """theta(k+1) and f(k+1) from Eq. 10 for constant C, a fixed floor and m = 4 tangent pairs.
 
     Replaced contact points: the joint displacement that the translated forces cause is added to the change of the

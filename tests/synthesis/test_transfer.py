@@ -1,0 +1,116 @@
+"""From an interaction to a rollout."""
+
+import dataclasses
+import json
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hands import ENDPOINT, PAD, RADIUS, floor, sprung_tip
+from scipy.spatial.transform import Rotation, Slerp
+
+from icjax.interaction import CompliancePerEvent, Interaction, JointCompliance
+from icjax.model import index_finger
+from icjax.rollout import Rollout
+from icjax.synthesis import Target, resample, transfer
+
+
+def tapping() -> Interaction:
+    """A pad on springs whose reference sinks into the plate and comes back, sampled at 100 Hz."""
+    model, time = sprung_tip(), 5.0 + 0.01 * np.arange(21)
+    joints = model.joint_names
+    reference = np.zeros((21, 3))
+    reference[:, 2] = RADIUS + 0.01 * np.cos(np.linspace(0.0, 2 * np.pi, 21))
+    none = np.zeros((0, 3))
+    polynomial = np.zeros((0, 3, 2))
+    return Interaction(
+        name="tap",
+        model=model,
+        time=time,
+        compliance=np.full((21, 3), ENDPOINT),
+        compliance_sd=np.zeros((21, 3)),
+        reference=reference,
+        reference_sd=np.zeros((21, 3)),
+        q=reference,
+        torque=np.zeros((21, 3)),
+        contact_names=(),
+        contact_force=np.zeros((21, 0, 3)),
+        contact_point=np.zeros((21, 0, 3)),
+        per_event=CompliancePerEvent(
+            recording=(),
+            joint_names=joints,
+            onset=np.zeros(0),
+            compliance=none,
+            standard_error=none,
+            status=none.astype(int),
+            r_squared=np.zeros((0, 3, 3)),
+            torque_change=none,
+            angle_before=polynomial,
+            angle_after=polynomial,
+            torque_after=polynomial,
+            window=np.zeros(2),
+        ),
+        summary=JointCompliance(
+            joint_names=joints,
+            compliance=np.full(3, ENDPOINT),
+            lower=np.zeros(3),
+            upper=np.ones(3),
+            accepted=np.ones(3, int),
+            negative=np.zeros(3, int),
+            events=np.ones(3, int),
+        ),
+        friction=0.5,
+        provenance="{}",
+    )
+
+
+def test_transfer_to_a_plate_and_back_from_its_file(tmp_path):
+    interaction, seen = tapping(), []
+    rollout = transfer(interaction, floor(0.5), progress=seen.append)
+    assert seen[-1] == 1.0
+    assert rollout.slot_names == ("pad/plate",)
+    np.testing.assert_allclose(rollout.time, 5.0 + 0.002 * np.arange(101), atol=1e-12)
+    height = np.interp(rollout.time, interaction.time, interaction.reference[:, 2])
+    expected = np.maximum(RADIUS - height, 0.0) / (ENDPOINT + PAD)
+    np.testing.assert_allclose(rollout.contact_force[:, 0, 2], expected, atol=1e-10)  # interpolation of times near 5 s
+    assert json.loads(rollout.scene)["name"] == "flat"
+    rollout.save(tmp_path / "rollout.nc")
+    again = Rollout.load(tmp_path / "rollout.nc")
+    np.testing.assert_array_equal(again.contact_force, rollout.contact_force)
+    assert again.slot_names == rollout.slot_names
+
+
+def test_resample_turns_quaternions_along_the_shortest_way():
+    model = index_finger(root="free")
+    turns = Rotation.from_rotvec([[0.1, 0.2, -0.3], [0.5, -0.4, 0.9]])
+    q = np.zeros((2, model.nq))
+    q[:, 3:7] = turns.as_quat(scalar_first=True)
+    q[:, 7:] = [[0.0, 0.1, 0.2, 0.3], [0.4, 0.3, 0.2, 0.1]]
+    at = np.array([-1.0, 0.0, 0.25, 0.7, 1.0, 2.0])
+    compliance = np.stack([np.zeros(model.nv), np.ones(model.nv)])
+    found = resample(model, np.array([0.0, 1.0]), Target(jnp.asarray(q), jnp.asarray(compliance)), at)
+    inside = np.clip(at, 0.0, 1.0)
+    slerp = Slerp([0.0, 1.0], turns)(inside).as_matrix()
+    rotation = Rotation.from_quat(np.asarray(found.reference[:, 3:7]), scalar_first=True).as_matrix()
+    np.testing.assert_allclose(rotation, slerp, atol=1e-12)
+    np.testing.assert_allclose(
+        found.reference[:, 7:], q[:1, 7:] + inside[:, None] * (q[1:, 7:] - q[:1, 7:]), atol=1e-12
+    )
+    np.testing.assert_allclose(found.compliance, np.tile(inside[:, None], (1, model.nv)), atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("compliance", -0.1, "compliance of z is -0.1 at 5.030 s"),
+        ("compliance", np.nan, "compliance of z is nan at 5.030 s"),
+        ("compliance", np.inf, "compliance of z is inf at 5.030 s"),
+        ("reference", np.nan, "reference coordinate 2 is nan at 5.030 s"),
+    ],
+)
+def test_numbers_that_cannot_be_simulated(field, value, message):
+    interaction = tapping()
+    array = np.array(getattr(interaction, field))
+    array[3, 2] = value
+    with pytest.raises(ValueError, match=message):
+        transfer(dataclasses.replace(interaction, **{field: array}), floor(0.5))
