@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 from icjax.contact._cone import friction_cone
 from icjax.contact._problem import ContactProblem
@@ -76,7 +77,7 @@ def check(problem: ContactProblem) -> None:
         if np.shape(getattr(problem, name)) != shape:
             found = np.shape(getattr(problem, name))
             raise ValueError(f"{name} must have shape {shape} for {count} contacts; got {found}")
-    if not isinstance(problem.friction, jax.core.Tracer) and not isinstance(problem.active, jax.core.Tracer):
+    if not isinstance(problem.friction, Tracer) and not isinstance(problem.active, Tracer):
         friction = np.where(np.asarray(problem.active), np.asarray(problem.friction), 0.0)
         if np.any(friction < 0):
             raise ValueError(f"friction must not be negative; got {float(np.min(friction))}")

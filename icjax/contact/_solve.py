@@ -65,6 +65,9 @@ def solve(
 
     z = solution.value
     beta, slip_multiplier = z[: count * size].reshape(count, size), z[count * size :]
+    # Exact where the LCP is exact to rounding: sum(beta_*) <= mu beta_0.
+    frictional = (problem.friction * beta[:, 0] > 0)[:, None]
+    beta = jnp.concatenate([beta[:, :1], jnp.where(frictional, beta[:, 1:], 0.0)], axis=1)
     unit_force = jnp.einsum("iaj,ij->ia", cone.D, beta, precision=lax.Precision.HIGHEST)
     force = unit_force * (length / compliance)
     moved = jnp.matmul(problem.coupling, force.reshape(-1), precision=lax.Precision.HIGHEST)

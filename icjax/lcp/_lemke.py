@@ -61,12 +61,12 @@ class Lemke(eqx.Module):
 class Outcome(NamedTuple):
     """What the pivoting leaves: the point, its basis, and the account of it (dimensionless residual)."""
 
-    z: jax.Array
-    basis: jax.Array
-    code: jax.Array
-    residual: jax.Array
-    pivots: jax.Array
-    attempts: jax.Array
+    z: Real
+    basis: Real
+    code: Real
+    residual: Real
+    pivots: Real
+    attempts: Real
 
 
 class _Walk(NamedTuple):
@@ -129,75 +129,67 @@ def lemke(
 def _walk(solver: Lemke, M, q, cover, key, hasty) -> _Walk:
     """One run of pivots from z = 0 along the almost complementary path of one covering vector."""
     n = q.shape[0]
-    artificial = 2 * n
     smallest = solver.resolved_pivot_tolerance(q.dtype)
     slack = float(64 * jnp.finfo(q.dtype).eps)
     most = 1000 + 50 * n if solver.max_pivots is None else solver.max_pivots
-    rows = jnp.arange(n, dtype=jnp.int32)
 
     def pivot(walk: _Walk) -> _Walk:
         table, labels = walk.table, walk.labels
         column = lax.dynamic_index_in_dim(table, walk.entering, 1, keepdims=False)
         constant, perturbation = table[:, n + 1], table[:, n + 2]
-        blocking = column < -smallest * jnp.maximum(1.0, jnp.max(jnp.abs(column)))
-        descent = jnp.where(blocking, -column, 1.0)
-        step = jnp.min(jnp.where(blocking, jnp.maximum(constant, 0.0) / descent, jnp.inf))
-        left = constant - jnp.where(blocking, step, 0.0) * descent
-        tied = blocking & (left <= slack * (1.0 + jnp.abs(constant)))
+        # The first pivot brings in z0, just large enough that no basic variable is negative.
+        first = walk.pivots == 0
+        blocking = first | (column < -smallest * jnp.maximum(1.0, jnp.max(jnp.abs(column))))
+        size = jnp.where(blocking, jnp.abs(column), 1.0)
+        ratio = jnp.where(first, constant, jnp.maximum(constant, 0.0)) / size
+        step = jnp.min(jnp.where(blocking, ratio, jnp.inf))
+        left = jnp.where(blocking, constant - step * size, jnp.inf)
+        tied = left <= slack * (1.0 + jnp.abs(constant))
         # A vanished z0 can leave at once, at either sign of its pivot: the point already solves the problem.
-        vanished = (labels[:n] == artificial) & (constant <= slack) & (jnp.abs(column) > smallest)
-        vanished = vanished & (hasty | ~jnp.any(blocking))
-        second = jnp.where(tied, perturbation / descent, jnp.inf)
-        second = jnp.where(vanished | (hasty & tied & (labels[:n] == artificial)), -jnp.inf, second)
+        artificial = labels[:n] == 2 * n
+        vanished = artificial & (constant <= slack) & (jnp.abs(column) > smallest) & (hasty | ~jnp.any(blocking))
+        second = jnp.where(tied, perturbation / size, jnp.inf)
+        second = jnp.where(vanished | (hasty & tied & artificial), -jnp.inf, second)
         row = jnp.argmin(second).astype(jnp.int32)
         ray = ~jnp.any(tied | vanished)
-        table, labels = _exchange(table, labels, row, walk.entering, column)
-        left_label = walk.labels[row]
-        partner = jnp.where(left_label < n, left_label + n, left_label - n)
-        code = jnp.where(ray, RAY, jnp.where(left_label == artificial, SOLVED, _RUNNING)).astype(jnp.int32)
+        leaving = labels[row]
+        partner = jnp.where(leaving < n, leaving + n, leaving - n)
+        table, labels = _exchange(table, labels, row, walk.entering, column, ~ray)
         return _Walk(
-            table=jnp.where(ray, walk.table, table),
-            labels=jnp.where(ray, walk.labels, labels),
+            table=table,
+            labels=labels,
             entering=jnp.argmax(labels[n:] == partner).astype(jnp.int32),
             pivots=walk.pivots + 1,
-            code=code,
+            code=jnp.where(ray, RAY, jnp.where(leaving == 2 * n, SOLVED, _RUNNING)).astype(jnp.int32),
         )
 
-    trivial = jnp.all(q >= 0)
-    lowest = q / cover
-    tied = lowest <= jnp.min(lowest) + slack * (1.0 + jnp.abs(jnp.min(lowest)))
-    row = jnp.argmin(jnp.where(tied, key / cover, jnp.inf)).astype(jnp.int32)
-    columns = [M, cover[:, None], q[:, None], key[:, None]]
-    table = jnp.concatenate(columns, axis=1)
-    labels = jnp.arange(2 * n + 1, dtype=jnp.int32)
-    moved, swapped = _exchange(table, labels, row, jnp.array(n, jnp.int32), cover)
     start = _Walk(
-        table=jnp.where(trivial, table, moved),
-        labels=jnp.where(trivial, labels, swapped),
-        entering=rows[row],
-        pivots=jnp.where(trivial, 0, 1).astype(jnp.int32),
-        code=jnp.where(trivial, SOLVED, _RUNNING).astype(jnp.int32),
+        table=jnp.concatenate([M, cover[:, None], q[:, None], key[:, None]], axis=1),
+        labels=jnp.arange(2 * n + 1, dtype=jnp.int32),
+        entering=jnp.array(n, jnp.int32),
+        pivots=jnp.array(0, jnp.int32),
+        code=jnp.where(jnp.all(q >= 0), SOLVED, _RUNNING).astype(jnp.int32),
     )
     return lax.while_loop(lambda walk: (walk.code == _RUNNING) & (walk.pivots < most), pivot, start)
 
 
-def _exchange(table, labels, row, entering, column):
-    """Gauss-Jordan exchange of the basic variable of a row with the nonbasic variable of a column, in one pass."""
+def _exchange(table, labels, row, entering, column, wanted):
+    """If wanted, the Gauss-Jordan exchange of a row's basic with a column's nonbasic variable, in one pass."""
     n = table.shape[0]
     chosen = lax.dynamic_index_in_dim(table, row, 0, keepdims=False)
     pivot = chosen[entering]
-    scaled = chosen / pivot
-    in_row = (jnp.arange(n) == row)[:, None]
-    in_column = (jnp.arange(table.shape[1]) == entering)[None, :]
+    scaled = jnp.where(wanted, chosen / pivot, 0.0)
+    in_row = ((jnp.arange(n) == row) & wanted)[:, None]
+    in_column = ((jnp.arange(table.shape[1]) == entering) & wanted)[None, :]
     swept = table - column[:, None] * scaled[None, :]
     new = jnp.where(
         in_row,
         jnp.where(in_column, 1.0 / pivot, -scaled[None, :]),
         jnp.where(in_column, (column / pivot)[:, None], swept),
     )
-    index = jnp.arange(labels.shape[0])
-    labels = jnp.where(index == row, labels[n + entering], jnp.where(index == n + entering, labels[row], labels))
-    return new, labels
+    index = jnp.where(wanted, jnp.arange(labels.shape[0]), -1)
+    swapped = jnp.where(index == row, labels[n + entering], labels)
+    return new, jnp.where(index == n + entering, labels[row], swapped)
 
 
 def _point(walk: _Walk):

@@ -29,10 +29,10 @@ def solve(
     is repeated with another covering vector.
 
     The derivative is exact on the final basis B, the rows whose z is basic:
-    ``dz_B = -M_BB^-1 (dM z + dq)_B`` and zero elsewhere, in forward and reverse mode, of any order, under `vmap`, `jit`
-    and `scan`. Where a z and its Mz + q vanish together (weak complementarity) the basis, and so the derivative, is that of
-    the problem with ``q + eps perturbation``, eps -> 0+: one-sided in general. Differentiation never changes the
-    forward result. The derivative of a failed solve is zero, never NaN: look at `result` before using it.
+    ``dz_B = -M_BB^-1 (dM z + dq)_B`` and zero elsewhere, in forward and reverse mode, of any order, under `vmap`,
+    `jit` and `scan`. Where a z and its Mz + q vanish together (weak complementarity) the basis, and so the derivative,
+    is that of the problem with ``q + eps perturbation``, eps -> 0+: one-sided in general. Differentiation never
+    changes the forward result. The derivative of a failed solve is zero, never NaN: look at `result` before using it.
 
     **Arguments**
 
