@@ -97,7 +97,7 @@ def _turned(poses: PoseSolution, places: np.ndarray) -> np.ndarray:
 
 def _mean_places(poses: PoseSolution, markers: np.ndarray, seen: np.ndarray) -> np.ndarray:
     """Mean place of every marker beside its site, body axes; from complete frames where there are enough."""
-    complete = seen.all(axis=1)
+    complete = np.asarray(seen.all(axis=1))
     used = seen & complete[:, None] if complete.sum() >= ENOUGH else seen
     beside = np.einsum("fmji,fmj->fmi", poses.rotations, np.nan_to_num(markers - poses.predicted))
     return np.sum(np.where(used[:, :, None], beside, 0.0), axis=0) / np.maximum(used.sum(axis=0), 1)[:, None]

@@ -1,4 +1,4 @@
-"""Capture against the truth of sessions that other physics simulated (the figures of experiments/capture_accuracy.py)."""
+"""Capture against the truth of sessions that other physics simulated; figures of experiments/capture_accuracy.py."""
 
 import importlib.util
 from pathlib import Path
