@@ -161,7 +161,7 @@ def _at_event(
 
 def _no_estimate(status: int, degree: int) -> _Estimate:
     nothing = np.full(degree + 1, np.nan)
-    return _Estimate(np.nan, np.inf, status, (np.nan,) * 3, np.nan, nothing, nothing, nothing)
+    return _Estimate(np.nan, np.inf, status, (np.nan, np.nan, np.nan), np.nan, nothing, nothing, nothing)
 
 
 def _assemble(names, onsets, rows, joints, options) -> CompliancePerEvent:

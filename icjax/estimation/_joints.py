@@ -59,7 +59,7 @@ def angle_courses(
         if kind in ("hinge", "slide"):
             columns[velocity.start] = q[:, coordinates.start]
     if any(dof not in columns for dof in dofs):
-        finite = np.isfinite(q).all(axis=1)
+        finite = np.asarray(np.isfinite(q).all(axis=1))
         held = _hold(q, finite)
         steps = np.asarray(jax.vmap(lambda a, b: difference(model, a, b))(held[:-1], held[1:]))
         course = np.concatenate([np.zeros((1, model.nv)), np.cumsum(steps, axis=0)])

@@ -54,8 +54,8 @@ def summarise(per_event: CompliancePerEvent, pool_negative: bool = True) -> Join
         compliance=np.asarray([item.value for item in pooled], dtype=float),
         lower=np.asarray([item.lower for item in pooled], dtype=float),
         upper=np.asarray([item.upper for item in pooled], dtype=float),
-        accepted=np.sum(status == ACCEPTED, axis=0, dtype=np.int32),
-        negative=np.sum(status == NEGATIVE, axis=0, dtype=np.int32),
+        accepted=np.asarray(np.sum(status == ACCEPTED, axis=0), dtype=np.int32),
+        negative=np.asarray(np.sum(status == NEGATIVE, axis=0), dtype=np.int32),
         events=np.full(len(pooled), len(status), dtype=np.int32),
     )
 
@@ -89,14 +89,15 @@ def pool(values: Float[np.ndarray, " n"], errors: Float[np.ndarray, " n"]) -> Po
     spread = 1.4826 * float(np.median(np.abs(values - mean)))
     limited = np.clip(values, mean - 3 * spread, mean + 3 * spread)
     variance = fit_variance + _scatter_variance(limited, fit_variance)
+    weights = 1.0 / variance
     for _ in range(100):
         distance = np.abs(values - mean) / np.sqrt(variance)
         weights = np.minimum(1.0, HUBER / np.maximum(distance, HUBER)) / variance
         previous, mean = mean, float(weights @ values / weights.sum())
         if abs(mean - previous) <= 1e-12 * abs(mean):
             break
-    near = distance <= HUBER
-    slope = float(np.sum(1.0 / variance[near])) if near.any() else float(weights.sum())
+    near = np.abs(values - mean) <= HUBER * np.sqrt(variance)
+    slope = float(np.sum(1.0 / variance[near])) if np.any(near) else float(weights.sum())
     sandwich = count / (count - 1) * float(np.sum((weights * (values - mean)) ** 2)) / slope**2
     half = float(stdtrit(count - 1, 0.975)) * np.sqrt(max(sandwich, 1.0 / weights.sum()))
     return Pooled(mean, mean - half, mean + half)
