@@ -64,6 +64,7 @@ def run(
         return Run(carry, outputs, total)
 
     carry = jax.tree.map(jnp.asarray, carry)
+    inputs = jax.tree.map(np.asarray, inputs)  # cut and joined in NumPy: no small programs to compile
     pieces: list[Any] = []
     done = 0
     identity = None if checkpoint is None else _identity(carry, inputs)
@@ -73,8 +74,8 @@ def run(
     while done < total and not (cancelled is not None and cancelled()):
         count = min(chunk, total - done)
         piece = jax.tree.map(lambda leaf, a=done, n=count: _padded(leaf[a : a + n], chunk), inputs)
-        carry, outputs = _chunk(step, carry, piece, jnp.arange(chunk) < count)
-        pieces.append(jax.tree.map(lambda leaf, n=count: leaf[:n], outputs))
+        carry, outputs = _chunk(step, carry, piece, np.arange(chunk) < count)
+        pieces.append(jax.tree.map(lambda leaf, n=count: np.asarray(leaf)[:n], outputs))
         done += count
         if checkpoint is not None:
             pieces = [_joined(pieces)]
@@ -107,13 +108,12 @@ def _chunk(step, carry, inputs, wanted):
 
 def _padded(leaf, length):
     """Repeat the last row up to the length of a chunk."""
-    leaf = jnp.asarray(leaf)
     missing = length - leaf.shape[0]
-    return jnp.concatenate([leaf, jnp.repeat(leaf[-1:], missing, axis=0)]) if missing else leaf
+    return np.concatenate([leaf, np.repeat(leaf[-1:], missing, axis=0)]) if missing else leaf
 
 
 def _joined(pieces):
-    return pieces[0] if len(pieces) == 1 else jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *pieces)
+    return jax.tree.map(lambda *leaves: jnp.asarray(np.concatenate(leaves)), *pieces)
 
 
 def _empty(step, carry, inputs, rows=0):

@@ -11,7 +11,7 @@ from icjax.results import RESULTS
 from icjax.running import run
 from icjax.synthesis._bodies import QuasiStaticHand, Target
 from icjax.synthesis._contacts import Contacts, find_contacts, slot_compliance
-from icjax.synthesis._scene import Scene
+from icjax.synthesis._scene import Scene, Surface
 from icjax.typing import Float, Int, Real
 
 STATUSES = (
@@ -159,10 +159,24 @@ def rollout(
     shapes = jnp.shape(targets.reference)[1:], jnp.shape(targets.compliance)[1:]
     if shapes != ((model.nq,), (model.nv,)):
         raise ValueError(f"targets must be [time, {model.nq}] and [time, {model.nv}]; got [time, ...] {shapes}")
+    model, targets = jax.tree.map(jnp.asarray, (model, targets))
+    scene = _unnamed(scene)
     if state is None:
-        state = init(model, scene, jnp.asarray(targets.reference)[0])
+        state = _init(model, scene, targets.reference[0])
     result = run(_Step(model, scene), state, targets, **running)
     return result.carry, result.outputs
+
+
+_init = eqx.filter_jit(init)
+
+
+def _unnamed(scene: Scene) -> Scene:
+    """The same scene without what only people read, so that scenes of one form share a compiled step."""
+    surfaces = tuple(
+        Surface(name=str(index), shape=surface.shape, friction=surface.friction)
+        for index, surface in enumerate(scene.surfaces)
+    )
+    return Scene(name="", surfaces=surfaces, facets=scene.facets)
 
 
 def _friction(model: Model, scene: Scene, dtype) -> Float[Real, " slot"]:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -17,6 +18,7 @@ from icjax.synthesis._stepper import rollout
 from icjax.typing import Float, Real
 
 
+@eqx.filter_jit
 def resample(
     model: Model,
     time: Float[Real, " sample"],
@@ -61,7 +63,7 @@ def transfer(interaction: Interaction, scene: Scene, progress: Callable[[float],
     count = int(np.floor((end - start) / scene.step * (1.0 + 1e-12) + 1e-9)) + 1
     time = start + scene.step * np.arange(count)
     samples = Target(reference=interaction.reference, compliance=interaction.compliance)
-    targets = resample(model, interaction.time, samples, time)
+    targets = resample(*jax.tree.map(jnp.asarray, (model, interaction.time, samples, time)))
     _, info = rollout(model, scene, targets, progress=progress)
     found = {name: np.asarray(value) for name, value in vars(info).items()}
     return Rollout(
