@@ -42,10 +42,9 @@ def test_free_moment_loads_every_joint_up_to_the_root():
     np.testing.assert_allclose(joint_torque(made)[0], [0.07] * 3, atol=ROUNDING)
 
 
-@pytest.mark.parametrize("kind", ["hinge", "ball"])
-def test_power_of_the_torque_is_the_power_of_the_force(kind):
+def test_power_of_the_torque_is_the_power_of_the_force():
     """tau . dq = f . d(point) for a displacement dq: the derivative of the tip's path along dq."""
-    model = chain(kind=kind)
+    model = chain(kind="ball")
     random = np.random.default_rng(1)
     q = integrate(model, jnp.asarray(model.zero), 0.5 * random.standard_normal(model.nv))
     dq, force = random.standard_normal(model.nv), random.standard_normal(3)
@@ -109,19 +108,19 @@ def test_derivatives_forward_reverse_central_difference():
         return jnp.sum(jnp.sin(10 * tau))
 
     q, step = jnp.array([0.0, 0.3, 0.0]), np.finfo(float).eps ** (1 / 3)
+    base = (q, jnp.asarray(force))
+    forward = jax.jit(jax.jacfwd(loss, (0, 1)))(*base)
+    reverse = jax.jit(jax.jacrev(loss, (0, 1)))(*base)
     for argument in (0, 1):
-        forward = jax.jit(jax.jacfwd(loss, argument))(q, force)
-        reverse = jax.jit(jax.jacrev(loss, argument))(q, force)
-        base = (q, jnp.asarray(force))
         flat = base[argument].ravel()
         central = []
         for i in range(flat.size):
             ends = [flat.at[i].add(sign * step).reshape(base[argument].shape) for sign in (1, -1)]
             args = [(end, base[1]) if argument == 0 else (base[0], end) for end in ends]
             central.append((loss(*args[0]) - loss(*args[1])) / (2 * step))
-        assert np.isfinite(forward).all()
-        np.testing.assert_allclose(forward, reverse, rtol=1e-13, atol=1e-14)
-        np.testing.assert_allclose(forward.ravel(), central, atol=1e-8)
+        assert np.isfinite(forward[argument]).all()
+        np.testing.assert_allclose(forward[argument], reverse[argument], rtol=1e-13, atol=1e-14)
+        np.testing.assert_allclose(forward[argument].ravel(), central, atol=1e-8)
 
 
 def test_vmap_over_recordings_equals_a_loop():

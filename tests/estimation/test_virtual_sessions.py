@@ -24,12 +24,12 @@ LOADED = 0.010
 def test_explore_cruise(shared_data, monkeypatch):
     monkeypatch.setenv("ICJAX_SHARED_DATA", str(shared_data))
     spec = read_session(SESSIONS / "virtual_explore_cruise.toml")
-    trials = tuple(trial for trial in spec.trials if trial.role == "trial")[:2]
+    trials = tuple(trial for trial in spec.trials if trial.role == "trial")
     found = estimate(capture(dataclasses.replace(spec, trials=trials)))
     assert [item.name for item in found] == [trial.name for trial in trials]
     summary, per_event = found[0].summary, found[0].per_event
     assert summary.joint_names == JOINTS
-    assert len(per_event.onset) == 8
+    assert len(per_event.onset) == 16
     status = np.asarray(per_event.status)
     assert np.all(status[:, :2] <= 1)  # wrist and MP are excited by every tap
     estimated = status <= 1
