@@ -12,7 +12,6 @@ from icjax.capture._events import contact_events, force_course
 from icjax.capture._filters import lowpass
 from icjax.capture._joint_angles import JointAngles, joint_angles
 from icjax.capture._load import load_trial
-from icjax.capture._pose import pad_centres
 from icjax.capture._sensors import SensorWrench, sensor_wrench
 from icjax.capture._spec import SessionSpec, TrialSpec
 from icjax.capture._synchronise import on_marker_clock
@@ -74,7 +73,7 @@ def capture_trial(spec: SessionSpec, trial: TrialSpec, progress: Callable[[float
             touching[:, index] |= (time >= onset) & ~(time > release)
         wrench = on_marker_clock(sensor, time, spec.filter.forces)
         touching[:, index] &= np.isfinite(wrench).all(axis=1)
-        body, centre, radius = _target(spec.model, target, angles.q)
+        body, centre, radius = _target(spec.model, target, angles)
         bodies.append(body)
         least = max(course.onset, _moment_noise(sensor, spec.filter.forces) / spec.contact.point_sd)
         try:
@@ -133,13 +132,15 @@ def session_markers(spec: SessionSpec, motion: MotionFile, path: Path) -> tuple[
     return names, np.stack(columns, axis=1)
 
 
-def _target(model: Model, target: str, q: np.ndarray) -> tuple[str, np.ndarray | None, float]:
+def _target(model: Model, target: str, angles: JointAngles) -> tuple[str, np.ndarray | None, float]:
     """Body that a source touches; centre and radius of its pad, if it is a pad."""
     if target not in model.pad_names:
         return target, None, 0.0
     pad = model.pad(target)
-    radius = float(np.asarray(model.pad_radius)[pad])
-    return model.body_names[model.pad_bodies[pad]], pad_centres(model, q)[:, pad], radius
+    body = model.pad_bodies[pad]
+    place = np.asarray(model.pad_centre)[pad]
+    centre = angles.body_rotations[:, body] @ place + angles.body_positions[:, body]
+    return model.body_names[body], centre, float(np.asarray(model.pad_radius)[pad])
 
 
 def _moment_noise(sensor: SensorWrench, cutoff: float) -> float:

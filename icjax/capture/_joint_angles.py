@@ -28,6 +28,7 @@ class JointAngles:
     - `offset_sd` [nv]: of the constant offset that marker placement leaves.
     - `valid` [frame]: whether the markers determine every coordinate.
     - `residual` [frame, marker]: distance of the measured marker to the model, m; NaN in gaps.
+    - `body_rotations`, `body_positions`: world poses of all bodies in every frame.
     - `marker_sd`: m, per axis, of the filtered markers about a rigid body, from the residuals.
     """
 
@@ -36,6 +37,8 @@ class JointAngles:
     offset_sd: Float[np.ndarray, " nv"]
     valid: Bool[np.ndarray, " frame"]
     residual: Float[np.ndarray, "frame marker"]
+    body_rotations: Float[np.ndarray, "frame body 3 3"]
+    body_positions: Float[np.ndarray, "frame body 3"]
     marker_sd: float
 
 
@@ -86,6 +89,8 @@ def joint_angles(
         offset_sd=np.sqrt(mean),
         valid=usable,
         residual=np.where(seen, np.linalg.norm(markers - on_sites, axis=-1), np.nan),
+        body_rotations=second.body_rotations,
+        body_positions=second.body_positions,
         marker_sd=sd,
     )
 

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 
 from icjax.capture._registration import start_coordinates
 from icjax.inference import covariance, least_squares
-from icjax.model import Model, forward_kinematics, integrate, pad_positions, world_jacobian
+from icjax.model import Model, forward_kinematics, integrate, neutral, world_jacobian
 from icjax.results import RESULTS
 
 BLOCK = 512
@@ -27,6 +27,7 @@ class PoseSolution(NamedTuple):
     - `q` [frame, nq]; `information` [frame, nv, nv]: J^T J with J = d(markers) / dq, 1/m2 (rad, m).
     - `predicted` [frame, marker, 3]: markers on the model, m.
     - `rotations` [frame, marker, 3, 3]: of the body that carries each marker.
+    - `body_rotations` [frame, body, 3, 3], `body_positions` [frame, body, 3]: world poses of all bodies.
     - `converged` [frame].
     """
 
@@ -34,6 +35,8 @@ class PoseSolution(NamedTuple):
     information: Float[np.ndarray, "frame nv nv"]
     predicted: Float[np.ndarray, "frame marker 3"]
     rotations: Float[np.ndarray, "frame marker 3 3"]
+    body_rotations: Float[np.ndarray, "frame body 3 3"]
+    body_positions: Float[np.ndarray, "frame body 3"]
     converged: Bool[np.ndarray, " frame"]
 
 
@@ -83,19 +86,23 @@ def _spread_start(
     count = len(markers)
     complete = np.flatnonzero(weight.sum(axis=1) >= weight.sum(axis=1).max())
     chosen = np.unique(complete[np.linspace(0, len(complete) - 1, min(len(complete), BLOCK)).astype(int)])
-    guess = start_coordinates(model, sites, markers[chosen], weight[chosen])
-
-    def solve(q):
-        return PoseSolution(*by_blocks(lambda *block: _compiled(model, sites, places, *block), q, observed, weights))
-
     observed, weights = markers[chosen], weight[chosen]
-    found = solve(guess)
+
+    def solve(q, w):
+        rows = observed[: len(q)]
+        return PoseSolution(*by_blocks(lambda *block: _compiled(model, sites, places, *block), q, rows, w))
+
+    unmoved = solve(
+        np.asarray(neutral(model))[None], np.zeros_like(weights[:1])
+    )  # without weights nothing moves: the neutral poses
+    guess = start_coordinates(model, sites, unmoved.body_rotations[0], unmoved.body_positions[0], observed, weights)
+    found = solve(guess, weights)
     error = np.sqrt(np.mean(weights[:, :, None] * (observed - found.predicted) ** 2, axis=(1, 2)))
     near = _wrapped(model, found.q)
     good = error <= 3 * np.median(error)
     if not good.all():
         again = near[good][np.argmin(np.abs(chosen[:, None] - chosen[good][None, :]), axis=1)]
-        near = _wrapped(model, solve(again).q)
+        near = _wrapped(model, solve(again, weights).q)
     q = _continuous(model, near)
     frames = np.arange(count)
     start = np.stack([np.interp(frames, chosen, column) for column in q.T], axis=1)
@@ -139,32 +146,29 @@ def _compiled(model: Model, sites: tuple[int, ...], places, start, markers, weig
 
     def predicted(q):
         poses = forward_kinematics(model, q)
-        rotations = poses.rotation[bodies]
-        return jnp.einsum("sij,sj->si", rotations, places) + poses.position[bodies], rotations
+        return jnp.einsum("sij,sj->si", poses.rotation[bodies], places) + poses.position[bodies], poses
 
-    def residual(q, data):
+    def linearise(q, data):
         observed, w = data
-        return (jnp.sqrt(w)[:, None] * (predicted(q)[0] - observed)).reshape(-1)
-
-    def jacobian(q, data):
         points, _ = predicted(q)
         twists = world_jacobian(model, q).T
         velocities = twists[None, :, 3:] + jnp.cross(twists[None, :, :3], points[:, None, :])
-        masked = (jnp.sqrt(data[1])[:, None] * moves)[:, :, None] * velocities
-        return jnp.swapaxes(masked, 1, 2).reshape(-1, model.nv)
+        root = jnp.sqrt(w)[:, None]
+        J = jnp.swapaxes((root * moves)[:, :, None] * velocities, 1, 2)
+        return (root * (points - observed)).reshape(-1), J.reshape(-1, model.nv)
 
     solution = least_squares(
-        residual,
+        lambda q, data: linearise(q, data)[0],
         start,
         (markers, weight),
         nv=model.nv,
         retract=lambda q, dq: integrate(model, q, dq),
-        jacobian=jacobian,
+        linearise=linearise,
     )
     q = solution.value.value
-    places_W, rotations = jax.vmap(predicted)(q)
+    places_W, poses = jax.vmap(predicted)(q)
     solved = jax.vmap(lambda item: item == RESULTS.solved)(solution.result)
-    return q, solution.value.information, places_W, rotations, solved
+    return q, solution.value.information, places_W, poses.rotation[:, bodies], poses.rotation, poses.position, solved
 
 
 def pose_covariance(
@@ -175,16 +179,6 @@ def pose_covariance(
     **Returns** the covariance (rad2, m2) and which frames determine every coordinate.
     """
     return by_blocks(lambda block: covariance(block, np.float64(sd) ** 2, WIDEST), information)
-
-
-def pad_centres(model: Model, q: Float[np.ndarray, "frame nq"]) -> Float[np.ndarray, "frame pad 3"]:
-    """World positions of the centres of the pads in every frame, m."""
-    return by_blocks(lambda block: _pad_centres(model, block), q)
-
-
-@eqx.filter_jit
-def _pad_centres(model: Model, q):
-    return jax.vmap(lambda item: pad_positions(model, item))(q)
 
 
 def by_blocks(function: Callable[..., Any], *arrays: np.ndarray) -> Any:

@@ -1,18 +1,16 @@
 """A first guess of the pose of a frame: every free body laid onto its markers."""
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from icjax.model import Model, forward_kinematics, neutral
-from icjax.spatial import rotation_to_quaternion
+from icjax.model import Model, neutral
 
 
 def start_coordinates(
     model: Model,
     sites: tuple[int, ...],
+    rotation: Float[np.ndarray, "body 3 3"],
+    position: Float[np.ndarray, "body 3"],
     markers: Float[np.ndarray, "frame marker 3"],
     weight: Float[np.ndarray, "frame marker"],
 ) -> Float[np.ndarray, "frame nq"]:
@@ -20,11 +18,13 @@ def start_coordinates(
 
     Where such a body carries fewer than three visible markers, those of all bodies behind it are used. Joints other
     than free ones start neutral.
+
+    **Arguments**: `rotation`, `position` (m): world poses of the bodies in the neutral posture; `markers` m.
     """
+    from scipy.spatial.transform import Rotation
+
     q = np.tile(np.asarray(neutral(model)), (len(markers), 1))
-    poses = _neutral_poses(model)
     bodies = np.asarray(model.site_bodies)[list(sites)]
-    rotation, position = np.asarray(poses.rotation), np.asarray(poses.position)
     local = np.asarray(model.site_position)[list(sites)]
     world = np.einsum("sij,sj->si", rotation[bodies], local) + position[bodies]
     path = np.asarray(model.path_mask)
@@ -42,18 +42,8 @@ def start_coordinates(
                 use = seen
             if use.sum() >= 3:
                 turns[frame], q[frame, place : place + 3] = rigid_registration(own[use], markers[frame, use])
-        q[:, place + 3 : place + 7] = np.asarray(_quaternions(jnp.asarray(turns)))
+        q[:, place + 3 : place + 7] = np.roll(Rotation.from_matrix(turns).as_quat(), 1, axis=1)
     return q
-
-
-@eqx.filter_jit
-def _neutral_poses(model: Model):
-    return forward_kinematics(model, neutral(model))
-
-
-@eqx.filter_jit
-def _quaternions(rotations):
-    return jax.vmap(rotation_to_quaternion)(rotations)
 
 
 def rigid_registration(

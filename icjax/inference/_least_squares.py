@@ -48,7 +48,7 @@ def least_squares(
     *,
     nv: int,
     retract: Callable[[Any, Any], Any] = lambda x, dx: x + dx,
-    jacobian: Callable[[Any, Any], Any] | None = None,
+    linearise: Callable[[Any, Any], tuple[Any, Any]] | None = None,
     tolerance: float | None = None,
     max_steps: int = 40,
 ) -> Solution[Fit]:
@@ -70,7 +70,8 @@ def least_squares(
     - `start` [problem, n]: first guess.
     - `data`: arrays with a leading axis `problem`.
     - `nv`: number of coordinates of dx; `retract`: (x [n], dx [nv]) -> x [n].
-    - `jacobian`: (x [n], d) -> J [m, nv], d r(retract(x, dx), d) / d dx at dx = 0; by default forward mode.
+    - `linearise`: (x [n], d) -> r [m] and J [m, nv], d r(retract(x, dx), d) / d dx at dx = 0; by default forward
+      mode through `residual` and `retract`.
     - `tolerance`: of a step, in the units of dx; default the square root of the machine epsilon, 1.5e-8 in
       float64 (the steps converge quadratically, what is left is far smaller). `max_steps`: of the loop.
 
@@ -86,10 +87,10 @@ def least_squares(
     smallest = eps**0.5 if tolerance is None else tolerance
 
     def by_forward_mode(x, d):
-        return jax.jacfwd(lambda dx: residual(retract(x, dx), d))(zero)
+        return residual(x, d), jax.jacfwd(lambda dx: residual(retract(x, dx), d))(zero)
 
     def linearised(x, d):
-        r, J = residual(x, d), (jacobian or by_forward_mode)(x, d)
+        r, J = (linearise or by_forward_mode)(x, d)
         return r, J.T @ J, J.T @ r
 
     def advance(state: _State) -> _State:
