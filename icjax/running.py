@@ -1,4 +1,4 @@
-"""Long scans in pieces: progress, cancellation, checkpoint and resume, one trace."""
+"""Long scans in pieces: progress, cancellation, checkpoint and resume, one trace; rows filled up to share one."""
 
 import hashlib
 import os
@@ -53,9 +53,9 @@ def run(
 
     **Errors**: `ValueError` for inputs of unequal length, a chunk below one, or a checkpoint of another run.
     """
-    lengths = {np.shape(leaf)[0] if np.ndim(leaf) else None for leaf in jax.tree.leaves(inputs)}
-    if len(lengths) != 1 or None in lengths:
-        raise ValueError(f"inputs must share one leading axis; their lengths are {sorted(lengths, key=str)}")
+    lengths = {np.shape(leaf)[0] if np.ndim(leaf) else -1 for leaf in jax.tree.leaves(inputs)}
+    if len(lengths) != 1 or -1 in lengths:
+        raise ValueError(f"inputs must share one leading axis; their lengths are {sorted(lengths)} (-1: a scalar)")
     if chunk < 1:
         raise ValueError(f"chunk must be at least 1; got {chunk}")
     total = lengths.pop()
@@ -64,7 +64,10 @@ def run(
         return Run(carry, outputs, total)
 
     carry = jax.tree.map(jnp.asarray, carry)
-    inputs = jax.tree.map(np.asarray, inputs)  # cut and joined in NumPy: no small programs to compile
+    # Cut and joined in NumPy, no small programs to compile; in JAX where a derivative is on its way through.
+    traced = any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves((step, carry, inputs)))
+    numpy = jnp if traced else np
+    inputs = jax.tree.map(numpy.asarray, inputs)
     pieces: list[Any] = []
     done = 0
     identity = None if checkpoint is None else _identity(carry, inputs)
@@ -73,12 +76,12 @@ def run(
         pieces.append(piece)
     while done < total and not (cancelled is not None and cancelled()):
         count = min(chunk, total - done)
-        piece = jax.tree.map(lambda leaf, a=done, n=count: _padded(leaf[a : a + n], chunk), inputs)
+        piece = jax.tree.map(lambda leaf, a=done, n=count: _padded(numpy, leaf[a : a + n], chunk), inputs)
         carry, outputs = _chunk(step, carry, piece, np.arange(chunk) < count)
-        pieces.append(jax.tree.map(lambda leaf, n=count: np.asarray(leaf)[:n], outputs))
+        pieces.append(jax.tree.map(lambda leaf, n=count: numpy.asarray(leaf)[:n], outputs))
         done += count
         if checkpoint is not None:
-            pieces = [_joined(pieces)]
+            pieces = [_joined(numpy, pieces)]
             _save(Path(checkpoint), identity, carry, pieces[0], done)
         if progress is not None:
             jax.block_until_ready(carry)
@@ -87,7 +90,25 @@ def run(
         Path(checkpoint).unlink(missing_ok=True)
     if not pieces:
         pieces = [_empty(step, carry, inputs)]
-    return Run(carry, _joined(pieces), done)
+    return Run(carry, _joined(numpy, pieces), done)
+
+
+def on_full_blocks(function: Callable[..., Any], *arrays: Any, block: int = 2048) -> Any:
+    """Call a compiled function of rows with the rows filled up to whole blocks, so that trials of every length share it.
+
+    **Arguments**: `function` of the arrays, row by row along their common leading axis; `arrays` of one length, traced
+    or not; `block` rows to fill up to, by repeating the last row.
+
+    **Returns**: what `function` returns, without the rows that were filled in.
+    """
+    count = np.shape(arrays[0])[0]
+    missing = -count % block if count else 0
+
+    def filled(array):
+        module = np if isinstance(array, np.ndarray) else jnp
+        return module.concatenate([array, module.repeat(array[-1:], missing, axis=0)]) if missing else array
+
+    return jax.tree.map(lambda leaf: leaf[:count], function(*(filled(array) for array in arrays)))
 
 
 @eqx.filter_jit
@@ -106,14 +127,14 @@ def _chunk(step, carry, inputs, wanted):
     return jax.lax.scan(guarded, carry, (wanted, inputs))
 
 
-def _padded(leaf, length):
+def _padded(numpy, leaf, length):
     """Repeat the last row up to the length of a chunk."""
     missing = length - leaf.shape[0]
-    return np.concatenate([leaf, np.repeat(leaf[-1:], missing, axis=0)]) if missing else leaf
+    return numpy.concatenate([leaf, numpy.repeat(leaf[-1:], missing, axis=0)]) if missing else leaf
 
 
-def _joined(pieces):
-    return jax.tree.map(lambda *leaves: jnp.asarray(np.concatenate(leaves)), *pieces)
+def _joined(numpy, pieces):
+    return jax.tree.map(lambda *leaves: jnp.asarray(numpy.concatenate(leaves)), *pieces)
 
 
 def _empty(step, carry, inputs, rows=0):

@@ -1,5 +1,6 @@
 """Compliance along the recording and the reference trajectory of Eq. 1 (section 3.4)."""
 
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -12,6 +13,7 @@ from icjax.estimation._options import EstimationOptions
 from icjax.interaction import CompliancePerEvent, JointCompliance
 from icjax.model import Model, integrate
 from icjax.recording import Recording
+from icjax.running import on_full_blocks
 from icjax.typing import Float, Real
 
 STATED_SD = 0.5
@@ -103,7 +105,7 @@ def reference_trajectory(
 
     Source: Kry and Pai 2006, Eq. 1 and section 3.4.
     """
-    return _displace(model, q, -compliance * torque)
+    return on_full_blocks(partial(_displace, model), q, -compliance * torque)
 
 
 def reference_deviation(

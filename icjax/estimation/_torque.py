@@ -1,5 +1,7 @@
 """Joint torque of the measured contact forces (Eq. 2)."""
 
+from functools import partial
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -7,6 +9,7 @@ import numpy as np
 
 from icjax.model import Model, neutral, world_jacobian
 from icjax.recording import Recording
+from icjax.running import on_full_blocks
 from icjax.typing import Bool, Float, Real
 
 
@@ -26,9 +29,8 @@ def joint_torque(recording: Recording) -> Float[Real, "time dof"]:
     Source: Kry and Pai 2006, Eq. 2 and 4; inertia and gravity are left out, see their section 4.3.
     """
     bodies = tuple(body_index(recording.model, name) for name in recording.contact_bodies)
-    return _all_frames(
-        recording.model,
-        bodies,
+    return on_full_blocks(
+        partial(_all_frames, recording.model, bodies),
         recording.q,
         recording.contact_force,
         recording.contact_point,
