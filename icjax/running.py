@@ -11,6 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 
 class Run(NamedTuple):
@@ -65,7 +66,7 @@ def run(
 
     carry = jax.tree.map(jnp.asarray, carry)
     # Cut and joined in NumPy, no small programs to compile; in JAX where a derivative is on its way through.
-    traced = any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves((step, carry, inputs)))
+    traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((step, carry, inputs)))
     numpy = jnp if traced else np
     inputs = jax.tree.map(numpy.asarray, inputs)
     pieces: list[Any] = []

@@ -96,6 +96,27 @@ def test_sphere_closed_form():
     np.testing.assert_allclose(hessian, exact, rtol=1e-9, atol=1e-9)
 
 
+@jax.jit
+def first_and_second(rotation, x):
+    """First derivatives forward, reverse and by differences, second ones by both; x is point, centre and radii."""
+
+    def everything(x):
+        body = Ellipsoid(x[3:6], rotation, x[6:9])
+        return jnp.concatenate([body.signed_distance(x[:3])[None], body.normal(x[:3]), body.closest_point(x[:3])])
+
+    forward, reverse, step = jax.jacfwd(everything), jax.jacrev(everything), 1e-6
+    moved = x[:, None, None, :] + step * jnp.stack([jnp.eye(9), -jnp.eye(9)])[None]
+    plus, minus = (jax.vmap(jax.vmap(everything))(moved[:, side]) for side in (0, 1))
+    second_plus, second_minus = (jax.vmap(jax.vmap(forward))(moved[:, side]) for side in (0, 1))
+    return (
+        jax.vmap(forward)(x),
+        jax.vmap(reverse)(x),
+        jnp.moveaxis((plus - minus) / (2 * step), 1, 2),
+        jax.vmap(jax.jacfwd(reverse))(x),
+        jnp.moveaxis((second_plus - second_minus) / (2 * step), 1, 3),
+    )
+
+
 @pytest.mark.parametrize("radii", RADII.values(), ids=RADII.keys())
 def test_derivatives_to_second_order(radii):
     """Forward = reverse = central difference, of distance, normal and closest point, in the point and in the shape."""
@@ -103,29 +124,9 @@ def test_derivatives_to_second_order(radii):
     unit = max(radii)
     points = points_around(shape, 6, 8, scale=2.0)
 
-    def everything(x):
-        """Point and shape of order one: scaled to the largest radius."""
-        body = Ellipsoid(x[3:6], shape.rotation, x[6:9])
-        return jnp.concatenate([body.signed_distance(x[:3])[None], body.normal(x[:3]), body.closest_point(x[:3])])
-
     x = jax.vmap(lambda p: jnp.concatenate([(p - shape.centre) / unit, jnp.zeros(3), shape.radii / unit]))(points)
-    forward, reverse = jax.jacfwd(everything), jax.jacrev(everything)
-    step = 1e-6
-    moved = x[:, None, None, :] + step * jnp.stack([jnp.eye(9), -jnp.eye(9)])[None]
 
-    @jax.jit
-    def evaluate(x, moved):
-        plus, minus = (jax.vmap(jax.vmap(everything))(moved[:, side]) for side in (0, 1))
-        second_plus, second_minus = (jax.vmap(jax.vmap(forward))(moved[:, side]) for side in (0, 1))
-        return (
-            jax.vmap(forward)(x),
-            jax.vmap(reverse)(x),
-            jnp.moveaxis((plus - minus) / (2 * step), 1, 2),
-            jax.vmap(jax.jacfwd(reverse))(x),
-            jnp.moveaxis((second_plus - second_minus) / (2 * step), 1, 3),
-        )
-
-    first, again, difference, second, second_difference = evaluate(x, moved)
+    first, again, difference, second, second_difference = first_and_second(shape.rotation, x)
     size, second_size = np.max(np.abs(first)), np.max(np.abs(second))
     np.testing.assert_allclose(first, again, atol=1e-12 * size)  # rounding
     # differences: rounding over the step, and the curvature of a thin ellipsoid (aspect 12) times its square
@@ -152,6 +153,17 @@ def special_points():
     yield "just below the surface on the short axis", shape, (0.0, 0.0, 0.19), -0.01
 
 
+@jax.jit
+def derivatives(shape, p):
+    return (
+        jax.grad(shape.signed_distance)(p),
+        jax.jacfwd(shape.signed_distance)(p),
+        jax.jacfwd(shape.normal)(p),
+        jax.jacrev(shape.normal)(p),
+        jax.hessian(shape.signed_distance)(p),
+    )
+
+
 CASES = list(special_points())
 
 
@@ -164,17 +176,7 @@ def test_special_points_are_exact_and_finite(shape, p, expected):
     np.testing.assert_allclose(np.linalg.norm(normal), 1.0, atol=1e-12)
     np.testing.assert_allclose(shape.closest_point(p) + expected * normal, p, atol=hair)
 
-    @jax.jit
-    def derivatives(p):
-        return (
-            jax.grad(shape.signed_distance)(p),
-            jax.jacfwd(shape.signed_distance)(p),
-            jax.jacfwd(shape.normal)(p),
-            jax.jacrev(shape.normal)(p),
-            jax.hessian(shape.signed_distance)(p),
-        )
-
-    for derivative in derivatives(p):
+    for derivative in derivatives(shape, p):
         assert np.all(np.isfinite(derivative))
 
 
