@@ -17,4 +17,8 @@ class Check:
     def run(self) -> None:
         from icjax.capture import check, read_session
 
-        print(check(read_session(self.session)))
+        lines = check(read_session(self.session))
+        print("\n".join(lines))
+        refused = [line for line in lines if line.startswith("error: ")]
+        if refused:
+            raise ValueError(f"{self.session}: {len(refused)} of the lines above would stop capture")

@@ -23,7 +23,7 @@ class Demo:
     """Seed of the virtual session."""
     trials: int = 2
     """Trials to record, each with a catch trial."""
-    contacts: int = 4
+    contacts: int = 3
     """Contacts in each trial, taps and strokes in turn."""
 
     def run(self) -> None:
@@ -31,10 +31,10 @@ class Demo:
         from icjax.cli._estimate import summary_text
         from icjax.cli._judge import judge_capture, judge_estimate, judge_transfer
         from icjax.cli._output import Steps
-        from icjax.cli._report import report_folder
         from icjax.cli._scenes import plate_scene
         from icjax.estimation import estimate
-        from icjax.laboratory import bump_under, record, replay
+        from icjax.laboratory import bump_under, load_truth, record, replay
+        from icjax.report import write_report
         from icjax.synthesis import transfer
 
         start = time.perf_counter()
@@ -64,7 +64,7 @@ class Demo:
                 rollouts[name].save(self.out / f"rollout_{name}.nc")
         with steps.step("compare with the virtual subject on the same surfaces") as progress:
             truth = {
-                "flat": replay(studio, TRIAL),
+                "flat": load_truth(studio / "truth" / f"{TRIAL}.npz"),
                 "bump": replay(studio, TRIAL, bump=bump),
                 "slippery": replay(studio, TRIAL, friction=SLIPPERY),
             }
@@ -78,7 +78,15 @@ class Demo:
             progress(1.0)
             (self.out / "metrics.json").write_text(json.dumps(metrics, indent=1) + "\n")
         with steps.step("report"):
-            page = report_folder(self.out, seed=self.seed)
+            page = write_report(
+                self.out / "report.html",
+                session=session,
+                interactions=(interaction,),
+                rollouts=tuple(rollouts.values()),
+                metrics=metrics,
+                seed=self.seed,
+                simulated=True,
+            )
         print(summary_text(interaction.summary))
         for name, figures in metrics["transfer"].items():
             print(

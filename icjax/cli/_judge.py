@@ -1,7 +1,10 @@
 """What the demonstration says about itself: its results against the virtual subject's truth."""
 
+from functools import partial
 from pathlib import Path
 
+import equinox as eqx
+import jax
 import numpy as np
 
 from icjax.interaction import Interaction
@@ -9,6 +12,7 @@ from icjax.laboratory import Truth, load_truth
 from icjax.model import pad_positions
 from icjax.recording import Session
 from icjax.rollout import Rollout
+from icjax.running import on_full_blocks
 
 JOINTS = ("wrist", "MP", "PIP", "DIP")
 LOADED = 0.010
@@ -55,11 +59,9 @@ def judge_estimate(interaction: Interaction, truth: Truth) -> dict:
 
 def judge_transfer(rollout: Rollout, truth: Truth) -> dict:
     """Normal force NRMSE (RMS error over RMS truth) and fingertip path against the subject on that surface."""
-    import jax
-
     force = np.asarray(rollout.contact_force).sum(axis=1)
     true = _at(rollout.time, truth.t, truth.f_contact)
-    tip = np.asarray(jax.vmap(lambda q: pad_positions(rollout.model, q)[0])(rollout.q))
+    tip = np.asarray(on_full_blocks(partial(_first_pad, rollout.model), np.asarray(rollout.q)))
     bone = _at(rollout.time, truth.t, truth.bone)
     distance = np.linalg.norm(tip - bone, axis=1)
     return {
@@ -68,6 +70,11 @@ def judge_transfer(rollout: Rollout, truth: Truth) -> dict:
         "fingertip_rms_m": float(np.sqrt(np.mean(distance**2))),
         "failed_steps": int(np.count_nonzero(rollout.status)),
     }
+
+
+@eqx.filter_jit
+def _first_pad(model, q):
+    return jax.vmap(lambda row: pad_positions(model, row)[0])(q)
 
 
 def contact_onsets(truth: Truth, threshold: float = 1e-3, gap: float = 0.1) -> np.ndarray:

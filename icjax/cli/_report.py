@@ -26,7 +26,7 @@ class Report:
         print(f"wrote {path}")
 
 
-def report_folder(folder: Path, out: Path | None = None, seed: int | None = None) -> Path:
+def report_folder(folder: Path, out: Path | None = None) -> Path:
     """Collect the records of a folder and write its page."""
     import json
 
@@ -40,12 +40,13 @@ def report_folder(folder: Path, out: Path | None = None, seed: int | None = None
     rollouts = sorted(folder.glob("rollout_*.nc"))
     if not (recording.exists() or interactions or rollouts):
         raise ValueError(f"{folder}: holds no recording.nc, interaction.nc or rollout_*.nc")
-    metrics = folder / "metrics.json"
+    path = folder / "metrics.json"
+    metrics = json.loads(path.read_text()) if path.exists() else None
     return write_report(
         out or folder / "report.html",
         session=Session.load(recording) if recording.exists() else None,
         interactions=tuple(Interaction.load(path) for path in interactions),
         rollouts=tuple(Rollout.load(path) for path in rollouts),
-        metrics=json.loads(metrics.read_text()) if metrics.exists() else None,
-        seed=seed,
+        metrics=metrics,
+        seed=metrics.get("seed") if metrics else None,
     )

@@ -149,8 +149,7 @@ def _write_array(group: Any, name: str, value: np.ndarray, metadata: Any) -> Non
         kind = "bool"
     else:
         kind = value.dtype.name
-    compressed = {"compression": "gzip", "compression_opts": 1} if value.size > 1000 else {}
-    variable = group.create_variable(name, dims, dtype=value.dtype, **compressed)
+    variable = group.create_variable(name, dims, dtype=value.dtype)  # measured data hardly compress
     if value.size:
         variable[...] = value
     variable.attrs["units"] = metadata["unit"]

@@ -39,7 +39,7 @@ def scene(recordings: Recordings, interactions: Interactions, rollouts: Rollouts
         return Section(
             "view", "In three dimensions", absent("Nothing to show: no recording, interaction or rollout.")
         ), ""
-    frame, script = player([name for name, _ in shown], [view.export_scene(item) for _, item in shown])
+    frame, script = player([name for name, _ in shown], [view.export_scene(item, frames=120) for _, item in shown])
     words = (
         "Drag to turn, scroll to zoom, use the bar below the picture to move through time. Arrows are contact "
         "forces on the finger, as long as they are strong. The plate under a measured movement is a "
