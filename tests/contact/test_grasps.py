@@ -26,6 +26,9 @@ def answer(problem):
     return solve(problem, facets=4)
 
 
+assembled = jax.jit(assemble, static_argnums=1)
+
+
 def reordered(problem: ContactProblem, order) -> ContactProblem:
     wide = (3 * np.asarray(order)[:, None] + np.arange(3)).reshape(-1)
     return ContactProblem(
@@ -74,9 +77,9 @@ def gauge_dual(slip, m=4):
 
 def test_residual_of_the_assembled_problem():
     """The solution, written as (beta, lambda), solves the LCP of Section 7.1.3 in SI units too."""
-    problem = grasp(5, 4)  # as many slots as the test of masks leaves
+    problem = grasp(5, 4)
     value = answer(problem).value
-    M, q = jax.jit(assemble, static_argnums=1)(problem, 4)
+    M, q = assembled(problem, 4)
     assert M.shape == (40, 40)
     z = lcp.solve(M, q).value
     assert float(residual(M, q, z)) <= REACHED
@@ -92,7 +95,7 @@ def test_residual_of_the_assembled_problem():
 def test_assembled_blocks():
     """Signs and places of Section 7.1.3 by a direct product of block-diagonal matrices."""
     problem = grasp(8, 2)
-    M, q = assemble(problem, 2)
+    M, q = assembled(problem, 2)
     n, t1, t2 = np.moveaxis(problem.frames, 2, 0)
     D = np.zeros((6, 10))
     for i in range(2):
