@@ -7,7 +7,7 @@ import numpy as np
 
 from icjax.geometry import Plane
 from icjax.model import Model, load_model, pad_positions
-from icjax.synthesis import Scene, Surface, Target
+from icjax.synthesis import Scene, State, StepInfo, Surface, Target, rollout
 
 ENDPOINT = 1.0 / 85.0
 PAD = 1.0 / 750.0
@@ -69,3 +69,8 @@ def pressing_finger(steps: int, depth: float = 0.01, stroke: float = 0.0) -> tup
     reference[:, 1] -= depth * part
     reference[:, 0] += stroke * part
     return model, reference, float(pad_positions(model, jnp.asarray(posture))[0, 2]) - RADIUS - 0.002
+
+
+def simulate(model: Model, scene: Scene, targets: Target) -> tuple[State, StepInfo]:
+    """A rollout in chunks of one length, so that tests of one kind of hand share a compiled step."""
+    return rollout(model, scene, targets, chunk=50, progress=lambda fraction: None)

@@ -5,9 +5,9 @@ import dataclasses
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hands import ENDPOINT, PAD, RADIUS, compliance_of, constant_targets, floor, pressing_finger, sprung_tip
+from hands import ENDPOINT, PAD, RADIUS, compliance_of, constant_targets, floor, pressing_finger, simulate, sprung_tip
 
-from icjax.synthesis import QuasiStaticHand, Target, init, rollout, step
+from icjax.synthesis import QuasiStaticHand, Target, init, step
 
 EXACT = 1e-12  # rounding of a few dozen operations on numbers of order one
 
@@ -18,7 +18,7 @@ def targets_of(model, rows):
 
 def test_open_contact_follows_the_reference():
     model = sprung_tip()
-    _, info = rollout(model, floor(0.5), targets_of(model, [[0.0, 0.0, 0.02], [0.01, -0.01, RADIUS + 1e-6]]))
+    _, info = simulate(model, floor(0.5), targets_of(model, [[0.0, 0.0, 0.02], [0.01, -0.01, RADIUS + 1e-6]]))
     np.testing.assert_array_equal(info.contact_force, 0.0)
     np.testing.assert_allclose(info.q, info.reference, atol=EXACT)
     np.testing.assert_array_equal(info.slip_state, 0)
@@ -29,7 +29,7 @@ def test_open_contact_follows_the_reference():
 def test_pressing(pad):
     """f_n = depth / (c + c_pad); the spring takes c f_n of the depth, the pad the rest."""
     model, depth = sprung_tip(pad=pad), 0.01
-    _, info = rollout(model, floor(0.5), targets_of(model, [[0.0, 0.0, 0.02], [0.0, 0.0, RADIUS - depth]]))
+    _, info = simulate(model, floor(0.5), targets_of(model, [[0.0, 0.0, 0.02], [0.0, 0.0, RADIUS - depth]]))
     force = depth / (ENDPOINT + pad)
     np.testing.assert_allclose(info.contact_force[1, 0], [0.0, 0.0, force], atol=EXACT)
     np.testing.assert_allclose(info.q[1, 2], RADIUS - depth + ENDPOINT * force, atol=EXACT)
@@ -44,7 +44,7 @@ def test_stick_then_slide(facets):
     model, depth, friction = sprung_tip(), 0.01, 0.4
     path = np.linspace(0.0, 0.0081, 41)  # no step ends exactly where sliding begins
     rows = np.stack([path, np.zeros(41), np.full(41, RADIUS - depth)], axis=1)
-    _, info = rollout(model, floor(friction, facets), targets_of(model, rows))
+    _, info = simulate(model, floor(friction, facets), targets_of(model, rows))
     normal = depth / (ENDPOINT + PAD)
     expected = -np.minimum(path / (ENDPOINT + PAD), friction * normal)
     np.testing.assert_allclose(info.contact_force[:, 0, 2], normal, atol=EXACT)
@@ -60,7 +60,7 @@ def test_sliding_between_facets():
     angle = np.deg2rad(30.0)  # tangents at 0 and 90 degrees
     path = np.linspace(0.0, 0.05, 101)
     rows = np.stack([path * np.cos(angle), path * np.sin(angle), np.full(101, RADIUS - depth)], axis=1)
-    _, info = rollout(model, floor(friction, facets), targets_of(model, rows))
+    _, info = simulate(model, floor(friction, facets), targets_of(model, rows))
     force, limit = np.asarray(info.contact_force[:, 0]), friction * depth / (ENDPOINT + PAD)
     assert np.all(np.abs(force[:, 0]) + np.abs(force[:, 1]) <= limit + EXACT)
     np.testing.assert_allclose(force[-1, :2], [-limit, 0.0], atol=EXACT)
@@ -70,7 +70,7 @@ def test_release_forgets_the_tangential_force():
     model = sprung_tip()
     low, high = RADIUS - 0.01, RADIUS + 0.01
     rows = [[0.0, 0.0, low], [0.002, 0.0, low], [0.002, 0.0, high], [0.002, 0.0, low]]
-    _, info = rollout(model, floor(0.9), targets_of(model, rows))
+    _, info = simulate(model, floor(0.9), targets_of(model, rows))
     force = np.asarray(info.contact_force[:, 0, 0])
     np.testing.assert_allclose(force, [0.0, -0.002 / (ENDPOINT + PAD), 0.0, 0.0], atol=EXACT)
 
@@ -80,7 +80,7 @@ def test_stuck_fingertip_keeps_its_force_for_ten_seconds():
     part = np.minimum(np.arange(steps) / 100.0, 1.0)
     rows = np.stack([0.003 * part, -0.001 * part, np.full(steps, RADIUS - 0.01)], axis=1)
     scene = floor(0.9)
-    _, info = rollout(model, scene, targets_of(model, rows))
+    _, info = simulate(model, scene, targets_of(model, rows))
     assert steps * scene.step == pytest.approx(10.0)
     expected = -np.array([0.003, -0.001]) / (ENDPOINT + PAD)
     np.testing.assert_allclose(info.contact_force[100:, 0, :2], np.tile(expected, (4900, 1)), atol=1e-10)
@@ -90,7 +90,7 @@ def test_stuck_finger_of_hinges_does_not_creep():
     """Two seconds at rest after a stroke: the linearisation settles, then nothing moves."""
     model, moving, height = pressing_finger(100, stroke=0.003)
     rows = np.concatenate([moving, np.tile(moving[-1], (1000, 1))])
-    _, info = rollout(model, floor(1.5, height=height), constant_targets(model, rows))
+    _, info = simulate(model, floor(1.5, height=height), constant_targets(model, rows))
     force = np.asarray(info.contact_force[:, 0])
     assert abs(force[-1, 0]) > 0.05  # N: a force worth keeping
     np.testing.assert_allclose(force[200:], np.tile(force[-1], (900, 1)), atol=1e-9)
@@ -99,7 +99,7 @@ def test_stuck_finger_of_hinges_does_not_creep():
 
 def test_driven_coordinates_follow_their_reference_exactly():
     model, rows, height = pressing_finger(50, stroke=0.01)
-    _, info = rollout(model, floor(0.5, height=height), constant_targets(model, rows))
+    _, info = simulate(model, floor(0.5, height=height), constant_targets(model, rows))
     assert np.max(np.asarray(info.contact_force)[..., 2]) > 0.1
     np.testing.assert_allclose(info.q[:, :2], rows[:, :2], atol=EXACT)
 
@@ -108,7 +108,7 @@ def test_forces_stay_in_their_cone_and_rows_agree():
     """Cone about the reported normal, no tension, torque = J^T f, Eq. 7 with the reported error."""
     model, rows, height = pressing_finger(80, stroke=0.02)
     scene, friction = floor(0.4, height=height), 0.4
-    state, info = rollout(model, scene, constant_targets(model, rows))
+    state, info = simulate(model, scene, constant_targets(model, rows))
     force, normal = np.asarray(info.contact_force), np.asarray(info.contact_normal)
     along = np.sum(force * normal, axis=-1)
     across = np.linalg.norm(force - along[..., None] * normal, axis=-1)
@@ -164,4 +164,4 @@ def test_no_pads_is_an_error():
         pad_compliance=np.zeros(0),
     )
     with pytest.raises(ValueError, match="has no contact pads"):
-        rollout(bare, floor(0.5), constant_targets(model, np.zeros((2, 3))))
+        simulate(bare, floor(0.5), constant_targets(model, np.zeros((2, 3))))

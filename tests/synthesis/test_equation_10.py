@@ -59,7 +59,6 @@ def test_step_equals_equation_10(friction):
             model,
             scene,
             q,
-            state.pad_force,
             np.asarray(state.contacts.point[0]),
             before,
             rows[k - 1],

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hands import RADIUS, compliance_of, constant_targets, floor, planar_finger, pressing_finger, sprung_tip
+from hands import RADIUS, compliance_of, constant_targets, floor, planar_finger, pressing_finger, simulate, sprung_tip
 from scipy.spatial.transform import Rotation
 
 import icjax.synthesis._stepper as stepper
@@ -96,7 +96,7 @@ def test_rigid_pad_on_a_planar_finger():
     """Without pad compliance W is singular across the plane of motion; the step is still solved."""
     _, rows, height = pressing_finger(30, stroke=0.01)
     model = planar_finger(pad=0.0)
-    _, info = rollout(model, floor(0.5, height=height), constant_targets(model, rows))
+    _, info = simulate(model, floor(0.5, height=height), constant_targets(model, rows))
     assert np.all(np.asarray(info.status) == 0)
     assert np.asarray(info.contact_force)[-1, 0, 2] > 0.1
     # an impenetrable pad: what is left of the gap is the curvature of the finger's arc within one step
@@ -117,8 +117,8 @@ def test_the_same_in_any_frame(friction):
         plate = Plane(np.zeros(3), R @ np.array([0.0, 0.0, 1.0]))
         return Scene("turned", (Surface("plate", plate, friction), Surface("bump", bump, friction)))
 
-    _, here = rollout(tip, world(np.eye(3)), constant_targets(tip, rows))
-    _, there = rollout(turned_tip, world(R), constant_targets(turned_tip, rows))
+    _, here = simulate(tip, world(np.eye(3)), constant_targets(tip, rows))
+    _, there = simulate(turned_tip, world(R), constant_targets(turned_tip, rows))
     force = np.asarray(here.contact_force)
     assert np.max(np.linalg.norm(force, axis=-1)) > 0.1
     rounding = 1e-9  # of 40 steps whose pivots are taken in another order
