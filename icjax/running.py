@@ -95,10 +95,10 @@ def run(
 
 
 def on_full_blocks(function: Callable[..., Any], *arrays: Any, block: int = 2048) -> Any:
-    """Call a compiled function of rows with the rows filled up to whole blocks, so that trials of every length share it.
+    """Call a compiled function of rows, filled up to whole blocks so that trials of every length share it.
 
-    **Arguments**: `function` of the arrays, row by row along their common leading axis; `arrays` of one length, traced
-    or not; `block` rows to fill up to, by repeating the last row.
+    **Arguments**: `function` of the arrays, row by row along their common leading axis; `arrays` of one length,
+    traced or not; `block` rows to fill up to, by repeating the last row.
 
     **Returns**: what `function` returns, without the rows that were filled in.
     """

@@ -11,8 +11,8 @@
 # %% [markdown]
 # # Estimate and transfer, in Python
 #
-# The main job in a notebook. A virtual capture studio records one trial of a simulated finger (so the data are *simulated*, by
-# physics that shares no code with what follows); with your own files, start at `read_session`.
+# The main job in a notebook. A virtual capture studio records one trial of a simulated finger (so the data are
+# *simulated*, by physics that shares no code with what follows); with your own files, start at `read_session`.
 
 # %%
 import tempfile
@@ -33,7 +33,7 @@ from icjax.laboratory import record
 from icjax.synthesis import Scene, Surface, Target, rollout, transfer
 
 folder = Path(tempfile.mkdtemp())
-record(folder, seed=3, trials=1, contacts=4, catch=0)
+record(folder, seed=3, trials=1, contacts=3, catch=0)
 session = capture(read_session(folder / "session.toml"))
 recording = session.recordings[0]
 print(recording.name, f"{recording.rate:.0f} Hz,", len(recording.events.onset), "contacts")
@@ -61,8 +61,7 @@ figure, axis = plt.subplots(figsize=(7, 2.6), layout="constrained")
 axis.plot(interaction.time, np.degrees(interaction.q[:, mp]), label="measured")
 axis.plot(interaction.time, np.degrees(interaction.reference[:, mp]), label="reference")
 axis.set(xlabel="time (s)", ylabel="MP flexion (deg)")
-axis.legend(frameon=False);
-
+axis.legend(frameon=False)
 # %% [markdown]
 # ## Transfer to a bump
 #
@@ -83,8 +82,7 @@ axis.plot(interaction.time, interaction.contact_force[:, 0, 2], color="0.6", lab
 axis.plot(flat.time, flat.contact_force.sum(axis=1)[:, 2], label="transferred to the plate")
 axis.plot(over.time, over.contact_force.sum(axis=1)[:, 2], label="transferred to the bump")
 axis.set(xlabel="time (s)", ylabel="normal force (N)")
-axis.legend(frameon=False);
-
+axis.legend(frameon=False)
 # %% [markdown]
 # ## Differentiate through contact
 #
@@ -94,7 +92,9 @@ axis.legend(frameon=False);
 # %%
 first = int(np.searchsorted(interaction.time, recording.events.onset[0] - 0.05))
 part = slice(first, first + 150)
-targets = Target(reference=jnp.asarray(interaction.reference[part]), compliance=jnp.asarray(interaction.compliance[part]))
+targets = Target(
+    reference=jnp.asarray(interaction.reference[part]), compliance=jnp.asarray(interaction.compliance[part])
+)
 scene = Scene(name="bump", surfaces=(plate, bump))
 
 

@@ -26,7 +26,7 @@ class Capture:
         path = self.out / "recording.nc"
         session.save(path)
         for recording in session.recordings:
-            rms = float(_rms(recording.marker_residual))
+            rms = _rms(recording.marker_residual[recording.valid])
             print(
                 f"  {recording.name} ({recording.role}): {float(recording.time[-1] - recording.time[0]):.2f} s, "
                 f"{len(recording.events.onset)} contacts, marker residual {1e3 * rms:.2f} mm RMS, "

@@ -49,7 +49,7 @@ class Demo:
             interaction = next(item for item in estimate(session, progress=progress) if item.name == TRIAL)
             interaction.save(self.out / "interaction.nc")
         bump = bump_under(studio, TRIAL)
-        recorded = float(interaction.friction)
+        recorded = float(interaction.friction or 0.0)
         scenes = {
             "flat": plate_scene("flat", friction=recorded),
             "bump": plate_scene("bump", friction=recorded, bump_centre=bump.centre[:2], bump_radii=bump.radii),
@@ -76,6 +76,7 @@ class Demo:
                 "transfer": {name: judge_transfer(rollouts[name], truth[name]) for name in scenes},
             }
             progress(1.0)
+            metrics["seconds"] = {title: round(value, 2) for title, value in steps.seconds.items()}
             (self.out / "metrics.json").write_text(json.dumps(metrics, indent=1) + "\n")
         with steps.step("report"):
             page = write_report(
@@ -87,7 +88,9 @@ class Demo:
                 seed=self.seed,
                 simulated=True,
             )
-        print(summary_text(interaction.summary))
+        print(summary_text(interaction))
+        true = {joint: figures["true_compliance"] for joint, figures in metrics["estimate"].items()}
+        print("true:        " + ", ".join(f"{joint} {value:.3f}" for joint, value in true.items()))
         for name, figures in metrics["transfer"].items():
             print(
                 f"transfer to {name:8s}: normal force NRMSE {figures['normal_force_nrmse']:.0%} against the virtual "

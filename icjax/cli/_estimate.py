@@ -42,7 +42,7 @@ class Estimate:
             raise ValueError(f"--trial {self.trial}: {self.recording} has the trials {', '.join(known)}")
         folder = self.out or self.recording.parent
         chosen = interactions[known.index(self.trial) if self.trial else 0]
-        print(summary_text(chosen.summary))
+        print(summary_text(chosen))
         chosen.save(folder / "interaction.nc")
         print(f"wrote {folder / 'interaction.nc'} (trial {chosen.name})")
         if self.all:
@@ -51,13 +51,25 @@ class Estimate:
             print(f"wrote {folder / 'interaction_<trial>.nc'} for {', '.join(known)}")
 
 
-def summary_text(summary) -> str:
-    """Compliance of each joint as a table of text."""
-    lines = [f"{'joint':12s} {'rad/Nm':>9s}   95 % interval      accepted  negative  of events"]
+def summary_text(interaction) -> str:
+    """Compliance of each joint over the session, as a table of text."""
+    import numpy as np
+
+    from icjax.interaction import STATUS
+
+    summary, status = interaction.summary, np.asarray(interaction.per_event.status)
+    lines = [f"{'joint':12s} {'rad/Nm':>14s}  {'95 % interval':>18s}   events: " + ", ".join(STATUS)]
     for index, joint in enumerate(summary.joint_names):
-        lines.append(
-            f"{joint:12s} {summary.compliance[index]:9.4f}   "
-            f"[{summary.lower[index]:7.4f}, {summary.upper[index]:7.4f}] "
-            f"{summary.accepted[index]:8d}  {summary.negative[index]:8d}  {summary.events[index]:9d}"
-        )
+        value, lower, upper = (float(x[index]) for x in (summary.compliance, summary.lower, summary.upper))
+        told = f"{value:.3f}" if np.isfinite(value) else "not estimated"
+        if not np.isfinite(upper):
+            interval = "unbounded"
+        elif lower > 0:
+            interval = f"[{lower:.3f}, {upper:.3f}]"
+        else:
+            interval = f"< {upper:.3f}"
+        column = interaction.per_event.joint_names.index(joint)
+        counts = ", ".join(str(int(np.sum(status[:, column] == code))) for code in range(len(STATUS)))
+        lines.append(f"{joint:12s} {told:>14s}  {interval:>18s}   {counts}")
+    lines.append("intervals state the scatter of the events, not the bias of inertia, damping and planned deceleration")
     return "\n".join(lines)

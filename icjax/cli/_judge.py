@@ -24,7 +24,8 @@ def judge_capture(session: Session, folder: Path) -> dict:
     errors, onsets, found, true = [], [], 0, 0
     for recording in session.trials():
         truth = load_truth(folder / f"{recording.name}.npz")
-        errors.append(_hinges(recording.model, recording.q) - _at(recording.time, truth.t, truth.theta))
+        error = _hinges(recording.model, recording.q) - _at(recording.time, truth.t, truth.theta)
+        errors.append(error[np.asarray(recording.valid)])
         begin = contact_onsets(truth)
         measured = np.asarray(recording.events.onset)
         found, true = found + len(measured), true + len(begin)

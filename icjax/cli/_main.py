@@ -46,7 +46,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         configure_jax()
         verb.run()
-    except (ValueError, FileNotFoundError, PermissionError, IsADirectoryError, ModuleNotFoundError) as error:
+    except (ValueError, OSError, ImportError) as error:
         if os.environ.get("ICJAX_DEBUG"):
             raise
         print(f"icjax: {_one_line(error)}", file=sys.stderr)

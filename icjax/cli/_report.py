@@ -28,8 +28,6 @@ class Report:
 
 def report_folder(folder: Path, out: Path | None = None) -> Path:
     """Collect the records of a folder and write its page."""
-    import json
-
     from icjax.interaction import Interaction
     from icjax.recording import Session
     from icjax.report import write_report
@@ -40,8 +38,7 @@ def report_folder(folder: Path, out: Path | None = None) -> Path:
     rollouts = sorted(folder.glob("rollout_*.nc"))
     if not (recording.exists() or interactions or rollouts):
         raise ValueError(f"{folder}: holds no recording.nc, interaction.nc or rollout_*.nc")
-    path = folder / "metrics.json"
-    metrics = json.loads(path.read_text()) if path.exists() else None
+    metrics = _metrics(folder / "metrics.json")
     return write_report(
         out or folder / "report.html",
         session=Session.load(recording) if recording.exists() else None,
@@ -50,3 +47,19 @@ def report_folder(folder: Path, out: Path | None = None) -> Path:
         metrics=metrics,
         seed=metrics.get("seed") if metrics else None,
     )
+
+
+def _metrics(path: Path) -> dict | None:
+    import json
+
+    from icjax.files import FileError
+
+    if not path.exists():
+        return None
+    try:
+        metrics = json.loads(path.read_text())
+    except ValueError as error:
+        raise FileError(path, f"is not valid JSON: {error}") from None
+    if not isinstance(metrics, dict):
+        raise FileError(path, "must hold a table of figures")
+    return metrics

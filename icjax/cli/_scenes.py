@@ -9,6 +9,9 @@ from icjax.synthesis import Scene, Surface
 BUMP_HALF_WIDTH = 0.035
 """Of the bump across the direction of the stroke, m."""
 
+LEVEL = 0.005
+"""Largest spread in height of contact points that still count as on a level plate, m."""
+
 
 def plate_scene(
     name: str,
@@ -29,10 +32,20 @@ def plate_scene(
     return Scene(name=name, surfaces=tuple(surfaces), step=step)
 
 
-def middle_of_contacts(interaction: Interaction) -> tuple[float, float]:
-    """World x and y in the middle of the measured contact points, m. **Errors**: `ValueError` without contact."""
+def middle_of_contacts(interaction: Interaction) -> tuple[float, float, float]:
+    """The middle of the measured contact points, m, world.
+
+    **Errors**: `ValueError` without contact, or where the points do not lie on one level plane.
+    """
     points = np.asarray(interaction.contact_point).reshape(-1, 3)
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):
-        raise ValueError(f"interaction {interaction.name!r} has no contact under which to put a bump")
-    return float(np.median(points[:, 0])), float(np.median(points[:, 1]))
+        raise ValueError(f"interaction {interaction.name!r} has no contact to put a surface under")
+    low, high = np.percentile(points[:, 2], [5, 95])
+    if high - low > LEVEL:
+        raise ValueError(
+            f"interaction {interaction.name!r}: its contact points lie between z = {low:.4f} and {high:.4f} m, not on "
+            "a level plate; describe the surface in a scene file (--scene)"
+        )
+    x, y, z = np.median(points, axis=0)
+    return float(x), float(y), float(z)

@@ -1,10 +1,14 @@
 """`icjax transfer`: an interaction to another surface or friction."""
 
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
+
+LONGEST_STEP = 0.02
+"""s; ten times the usual step."""
 
 
 @dataclass(frozen=True)
@@ -24,8 +28,8 @@ class Transfer:
     """Surface to touch."""
     friction: float | None = None
     """Coefficient of friction; that of the recording if not given."""
-    plate_height: float = 0.0
-    """Height of the flat surface in the recording's world, m."""
+    plate_height: float | None = None
+    """Height of the flat surface in the recording's world, m; that of the measured contact points if not given."""
     bump_height: float = 0.003
     """Height of the bump, m."""
     bump_length: float = 0.024
@@ -33,17 +37,27 @@ class Transfer:
     bump_position: tuple[float, float] | None = None
     """Centre of the bump, world x and y, m; the middle of the measured contact points if not given."""
     step: float = 0.002
-    """Time step, s."""
+    """Time step, s, at most 0.02."""
 
     def run(self) -> None:
+        import numpy as np
+
         from icjax.cli._output import Steps
         from icjax.interaction import Interaction
         from icjax.synthesis import read_scene, transfer
 
         interaction = Interaction.load(self.interaction)
-        scene = read_scene(self.scene) if self.scene else self._scene(interaction)
+        if self.scene:
+            self._refuse_surface_options()
+            scene = read_scene(self.scene)
+        else:
+            scene = self._scene(interaction)
+        if scene.step > LONGEST_STEP:
+            raise ValueError(f"step {scene.step:g} s is longer than {LONGEST_STEP} s; a contact would be stepped over")
         with Steps(1).step(f"transfer of {interaction.name} to {scene.name}") as progress:
             rollout = transfer(interaction, scene, progress=progress)
+        if np.all(rollout.status != 0):
+            raise ValueError(f"no step of the transfer to {scene.name} could be solved; nothing was written")
         path = self.out or self.interaction.parent / f"rollout_{scene.name}.nc"
         rollout.save(path)
         print(rollout_text(rollout))
@@ -55,17 +69,25 @@ class Transfer:
         friction = self.friction if self.friction is not None else interaction.friction
         if friction is None:
             raise ValueError("--friction is needed: the recording does not state the friction of its surface")
-        centre = None
-        if self.surface == "bump":
-            centre = self.bump_position or middle_of_contacts(interaction)
+        centre, height = self.bump_position, self.plate_height
+        if height is None or (self.surface == "bump" and centre is None):
+            x, y, z = middle_of_contacts(interaction)
+            height = z if height is None else height
+            centre = centre or (x, y)
         return plate_scene(
             self.surface,
             friction=friction,
-            height=self.plate_height,
-            bump_centre=centre,
+            height=height,
+            bump_centre=centre if self.surface == "bump" else None,
             bump_radii=(self.bump_length / 2, BUMP_HALF_WIDTH, self.bump_height),
             step=self.step,
         )
+
+    def _refuse_surface_options(self) -> None:
+        for field in dataclasses.fields(self):
+            given = getattr(self, field.name) != field.default
+            if given and field.name not in ("interaction", "out", "scene"):
+                raise ValueError(f"--{field.name.replace('_', '-')} cannot be given with --scene, which states it")
 
 
 def rollout_text(rollout) -> str:

@@ -55,8 +55,11 @@ def save_record(path: str | os.PathLike, record: eqx.Module) -> Path:
     import h5netcdf
 
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    except OSError as error:
+        raise FileError(path, f"cannot be written: {error.strerror}") from error
     os.close(handle)
     try:
         with h5netcdf.File(temporary, "w") as file:
@@ -67,7 +70,7 @@ def save_record(path: str | os.PathLike, record: eqx.Module) -> Path:
         os.chmod(temporary, 0o644)
         os.replace(temporary, path)
     except OSError as error:
-        raise FileError(path, f"cannot be written: {error}") from error
+        raise FileError(path, f"cannot be written: {error.strerror or error}") from error
     finally:
         Path(temporary).unlink(missing_ok=True)
     return path
@@ -109,8 +112,8 @@ def record_kind(path: str | os.PathLike) -> str:
             if file.attrs.get("format") != FORMAT:
                 raise FileError(path, "is not an icjax record (no attribute format = 'icjax-record')")
             return str(file.attrs["record"])
-    except OSError as error:
-        raise FileError(path, f"is no netCDF file: {error}") from error
+    except (OSError, KeyError) as error:
+        raise FileError(path, f"is no icjax record: {error}") from error
 
 
 def _write(group: Any, record: eqx.Module) -> None:

@@ -52,7 +52,7 @@ def least_squares(
     tolerance: float | None = None,
     max_steps: int = 40,
 ) -> Solution[Fit]:
-    """Minimise |r(x, d)|^2 for every problem of a batch, on the manifold that `retract` describes.
+    """Minimise `|r(x, d)|^2` for every problem of a batch, on the manifold that `retract` describes.
 
     Each step solves (J^T J + lambda diag J^T J) dx = -J^T r and goes to x' = retract(x, dx) if that lowers the
     cost; lambda falls or rises tenfold. A problem is finished when its step is below the tolerance in every
@@ -76,7 +76,7 @@ def least_squares(
       float64 (the steps converge quadratically, what is left is far smaller). `max_steps`: of the loop.
 
     **Returns** a `Solution` of a `Fit`; `result` for each problem; `stats` has `steps` and `residual`, the largest
-    entry of |J^T r| in units of |r| |J| (zero at a minimum).
+    entry of `|J^T r|` in units of `|r| |J|` (zero at a minimum).
 
     **Source**: Marquardt (1963), J. SIAM 11, 431.
     """

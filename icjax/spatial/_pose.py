@@ -49,7 +49,7 @@ class Pose(eqx.Module):
 def twist_exp(xi: Vector6) -> Pose:
     """Pose reached from the identity by moving for unit time with the constant body twist `xi` = (angular, linear).
 
-    rotation = exp([w]), position = V(w) v with V = I + (1 - cos a)/a^2 [w] + (a - sin a)/a^3 [w]^2, a = |w|.
+    rotation = exp([w]), position = V(w) v with V = I + (1 - cos a)/a^2 [w] + (a - sin a)/a^3 [w]^2, a = norm(w).
 
     **Arguments**: `xi` (rad, m). **Returns**: the pose. Derivatives of every order exist at zero.
     """

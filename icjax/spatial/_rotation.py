@@ -21,7 +21,7 @@ def safe_norm(x: Float[Real, " n"]) -> Scalar:
 
 
 def rotation_exp(w: Vector3) -> Matrix3:
-    """Rotation by the vector `w` (rad): R = exp([w]) = I + sinc(a) [w] + (1 - cos a)/a^2 [w]^2, a = |w| (Rodrigues).
+    """Rotation by the vector `w` (rad): R = exp([w]) = I + sinc(a) [w] + (1 - cos a)/a^2 [w]^2, a = norm(w) (Rodrigues).
 
     **Arguments**: `w` axis times angle, rad. **Returns**: rotation matrix. Derivatives of every order exist at zero.
     """
@@ -82,7 +82,7 @@ def quaternion_multiply(a: Quaternion, b: Quaternion) -> Quaternion:
 
 
 def quaternion_exp(w: Vector3) -> Quaternion:
-    """Unit quaternion of the rotation vector `w` (rad): (cos a/2, sin(a/2)/a w), a = |w|."""
+    """Unit quaternion of the rotation vector `w` (rad): (cos a/2, sin(a/2)/a w), a = norm(w)."""
     x = 0.25 * jnp.dot(w, w)
     # cos(a/2) = 1 - 2 sin^2(a/4) = 1 - (a/2)^2 (1 - cos(a/2))/(a/2)^2, smooth at zero.
     return jnp.concatenate([(1.0 - x * versine(x))[None], 0.5 * sinc(x) * w])
@@ -91,7 +91,7 @@ def quaternion_exp(w: Vector3) -> Quaternion:
 def quaternion_log(q: Quaternion) -> Vector3:
     """Rotation vector (rad) of the quaternion `q`, by the shorter way round: length at most pi.
 
-    w = 2 atan2(n, q_w) v / n with n = |v|; `q` need not be normalised but must not be zero.
+    w = 2 atan2(n, q_w) v / n with n = norm(v); `q` need not be normalised but must not be zero.
     """
     q = jnp.where(q[0] < 0.0, -q, q)
     scalar, vector = q[0], q[1:]

@@ -3,6 +3,7 @@
 import json
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -15,11 +16,27 @@ class Surface(eqx.Module):
 
     **Fields**: `name`; `shape` with `signed_distance`, `closest_point` and `normal`; `friction` its Coulomb
     coefficient with the pads.
+
+    **Errors**: `ValueError` for a negative friction, radii that are not positive, or a number that is not finite.
     """
 
     name: str = eqx.field(static=True)
     shape: Plane | Ellipsoid
     friction: Float[Real, ""] = eqx.field(converter=lambda value: jnp.asarray(value, float))
+
+    def __check_init__(self):
+        if not _concrete(self.friction):
+            return
+        if not (np.isfinite(self.friction) and self.friction >= 0):
+            raise ValueError(f"surface {self.name!r}: friction must be zero or more and finite; got {self.friction}")
+        numbers = {name: np.asarray(value, float) for name, value in vars(self.shape).items() if _concrete(value)}
+        for name, value in numbers.items():
+            if not np.isfinite(value).all():
+                raise ValueError(f"surface {self.name!r}: {name} must be finite; got {value.tolist()}")
+        if "radii" in numbers and not (numbers["radii"] > 0).all():
+            raise ValueError(f"surface {self.name!r}: radii must be positive; got {numbers['radii'].tolist()}")
+        if "normal_direction" in numbers and not np.any(numbers["normal_direction"]):
+            raise ValueError(f"surface {self.name!r}: normal must not be zero")
 
 
 class Scene(eqx.Module):
@@ -62,6 +79,10 @@ class Scene(eqx.Module):
                 ],
             }
         )
+
+
+def _concrete(value) -> bool:
+    return not isinstance(value, jax.core.Tracer)
 
 
 def _numbers(shape: Plane | Ellipsoid) -> dict:
