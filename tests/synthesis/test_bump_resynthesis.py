@@ -8,7 +8,8 @@ each touch must differ.
 Normal force NRMSE = RMS error of the force's z component over the contact samples of both trials, over the RMS of the
 true one in the same samples. A contact lasts while the true normal force exceeds 20 mN. The finger bounces: judged as
 asked, after the first 100 ms of *each* contact, a bounce starts a contact; with contacts less than 50 ms apart taken
-as one the late figure is a little worse, and both are stated. Dividing by the range, as is also usual, gives numbers about 2.5 times smaller.
+as one the late figure is a little worse, and both are stated. Dividing by the range, as is also usual, gives numbers
+about 2.5 times smaller.
 """
 
 import json
