@@ -9,7 +9,7 @@ import numpy as np
 
 from icjax.capture._contact_point import contact_points
 from icjax.capture._events import contact_events, force_course
-from icjax.capture._filters import lowpass
+from icjax.capture._filters import HIGHEST_CUTOFF, lowpass
 from icjax.capture._joint_angles import JointAngles, joint_angles
 from icjax.capture._load import load_trial
 from icjax.capture._sensors import SensorWrench, sensor_wrench
@@ -148,7 +148,7 @@ def _moment_noise(sensor: SensorWrench, cutoff: float) -> float:
     if sensor.surface is None or sensor.unloaded.sum() <= 10:
         return 0.0
     about = sensor.wrench[:, :3] - np.cross(np.array(sensor.surface.point)[None, :], sensor.wrench[:, 3:])
-    filtered = lowpass(about, sensor.rate, min(cutoff, 0.38 * sensor.rate))[sensor.unloaded]
+    filtered = lowpass(about, sensor.rate, min(cutoff, HIGHEST_CUTOFF * sensor.rate))[sensor.unloaded]
     return float(np.sqrt(np.nanmean(np.nanvar(filtered, axis=0))))
 
 

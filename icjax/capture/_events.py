@@ -5,13 +5,21 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from icjax.capture._filters import lowpass, noise_gain, runs
+from icjax.capture._filters import HIGHEST_CUTOFF, lowpass, noise_gain, runs
 from icjax.capture._sensors import SensorWrench
 from icjax.capture._spec import ContactSpec
 
 ONSET_SD, RELEASE_SD = 10.0, 5.0
 """Thresholds in standard deviations of the filtered force. Five is exceeded by noise once in 3.5 million independent
 samples (a minute at 150 Hz has 18 000); the other five leave room for the slow drift of the baseline."""
+
+LEAST_ONSET = 1e-3
+"""N; no onset threshold is below this. A channel that was set to exactly zero while unloaded shows no noise to judge
+by, and an ordinary force sensor does not resolve a milliNewton."""
+
+LEAST_SHARE = 1e-3
+"""No onset threshold is below this share of the trial's largest force. The filter rings before a step: the positive
+side lobe of its step response is exp(-2 pi) / 2 = 0.09 % of the step, which must not count as a contact."""
 
 LONGEST_EXTRAPOLATION = 0.005
 """s; how far onset may lie before the lower threshold is crossed."""
@@ -37,9 +45,10 @@ def force_course(sensor: SensorWrench, cutoff: float, contact: ContactSpec) -> F
 
     Noise: standard deviation over the tare windows; without any, 1.4826 times the median absolute difference of
     successive samples over sqrt 2, times the gain of the filter on white noise. Thresholds: 10 and 5 of them,
-    unless the session states its own.
+    unless the session states its own; the upper one at least `LEAST_ONSET` and `LEAST_SHARE` of the largest force,
+    the lower one half of it.
     """
-    cutoff = min(cutoff, 0.38 * sensor.rate)
+    cutoff = min(cutoff, HIGHEST_CUTOFF * sensor.rate)
     filtered = lowpass(sensor.wrench[:, 3:], sensor.rate, cutoff)
     if sensor.surface is not None:
         normal = np.array(sensor.surface.normal)
@@ -53,7 +62,9 @@ def force_course(sensor: SensorWrench, cutoff: float, contact: ContactSpec) -> F
     else:
         steps = np.abs(np.diff(raw))
         noise = 1.4826 * float(np.nanmedian(steps)) / np.sqrt(2) * noise_gain(sensor.rate, cutoff)
-    onset = ONSET_SD * noise if contact.onset is None else contact.onset
+    onset = contact.onset
+    if onset is None:
+        onset = max(ONSET_SD * noise, LEAST_ONSET, LEAST_SHARE * float(np.max(value, initial=0.0)))
     release = contact.release
     if release is None:
         release = onset * RELEASE_SD / ONSET_SD
@@ -68,7 +79,7 @@ def contact_events(course: ForceCourse, contact: ContactSpec) -> list[tuple[floa
     samples: the straight line through the crossings of the two thresholds is followed back to zero force (the
     filter has no delay and keeps straight lines, so it widens a ramp symmetrically), by 5 ms at most.
     """
-    value = np.nan_to_num(course.value)
+    value = course.value
     stretches = [
         (start, stop) for start, stop in runs(value > course.release) if value[start:stop].max() >= course.onset
     ]

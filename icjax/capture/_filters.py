@@ -7,6 +7,9 @@ TWO_PASS = (2**0.5 - 1) ** 0.25
 """0.802: a second-order Butterworth filter applied forward and backward has its half-power frequency at this share
 of its own."""
 
+HIGHEST_CUTOFF = 0.38
+"""Share of a rate up to which a cut-off is used: near one half the bilinear transform squeezes the pass band."""
+
 
 def lowpass(
     values: Float[np.ndarray, "sample *channel"], rate: float, cutoff: float

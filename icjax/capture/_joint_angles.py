@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Bool, Float
 
-from icjax.capture._filters import lowpass, runs
+from icjax.capture._filters import HIGHEST_CUTOFF, lowpass, runs
 from icjax.capture._pose import PoseSolution, pose_covariance, solve_poses
 from icjax.model import Model
 
@@ -72,7 +72,7 @@ def joint_angles(
     raw = solve_poses(model, sites, markers, seen.astype(float), progress=lambda done: told(0.5 * done))
     shift = _mean_places(raw, markers, seen)
     raw = _gaps_again(model, sites, raw, markers, seen, shift)
-    filtered = lowpass(_bridged(raw, markers, seen), rate, min(cutoff, 0.38 * rate))
+    filtered = lowpass(_bridged(raw, markers, seen), rate, min(cutoff, HIGHEST_CUTOFF * rate))
     weight = np.where(_long_gaps(seen, rate), 0.0, 1.0)
     second = solve_poses(model, sites, filtered, weight, raw.q, shift, lambda done: told(0.5 + 0.5 * done))
     sd = _marker_sd(second, filtered, weight, model.nv)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from icjax.capture._filters import HIGHEST_CUTOFF
 from icjax.capture._spec import SessionSpec, TrialSpec
 from icjax.files import FileError, MotionFile, read_c3d, read_csv, read_sto, read_trc
 
@@ -17,7 +18,8 @@ def load_trial(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
     """Markers and forces of a trial on one time axis: from one file, or from one file each.
 
     **Errors**: `FileError` of the reader, or when the format is unknown, no marker or no force is found where the
-    session needs it, times do not increase, or the two files do not overlap in time.
+    session needs it, times do not increase, the two files do not overlap in time, or a cut-off that the session
+    states is too high for the rate that it is applied at.
     """
     motion = _read(trial.markers, spec.columns, None if trial.forces is None else "markers")
     if trial.forces is not None:
@@ -48,6 +50,15 @@ def load_trial(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
         motion.analog_time[0] > motion.marker_time[-1] or motion.analog_time[-1] < motion.marker_time[0]
     ):
         raise FileError(force_file, "forces and markers do not overlap in time")
+    for key in spec.filter.stated:
+        rate = motion.marker_rate if key == "markers" else motion.analog_rate
+        cutoff = getattr(spec.filter, key)
+        if (key == "markers" or trial.touches) and cutoff > HIGHEST_CUTOFF * rate:
+            raise FileError(
+                spec.path,
+                f"[filter] key '{key}': {cutoff:g} Hz is too high for the {rate:g} Hz of trial '{trial.name}'; "
+                f"at most {HIGHEST_CUTOFF * rate:g} Hz",
+            )
     return motion
 
 

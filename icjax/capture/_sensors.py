@@ -40,18 +40,26 @@ def sensor_wrench(motion: MotionFile, trial: TrialSpec, source: SourceSpec, sess
     hundred Hz follows the finger quasi-statically in the band that is kept, and the ringing itself is removed by
     the filters (`FilterSpec`).
 
-    **Errors**: `FileError` for a channel or plate that the file lacks or a tare window without samples.
+    **Errors**: `FileError` for a channel or plate that the file lacks, a sample that is not finite (a force that
+    is not known is neither a contact nor the absence of one; only the point of application of "force_at_point" may
+    be NaN, as files have it where nothing touches), or a tare window without samples.
     """
     name = trial.forces or trial.markers
     if source.kind == "force_plate":
         plate = _plate(motion, name, source)
+        labels = tuple(motion.analog_names[column] for column in plate.channels)
+        _all_known(name, source.name, motion.analog_time, labels, motion.analog[:, list(plate.channels)])
         raw = plate_wrench(motion, plate)
         surface = source.surface or plate_surface(plate)
     else:
         channels = motion.channels(source.channels)
+        pointed = source.kind == "force_at_point"
+        used = (0, 1, 2, 6, 7, 8) if pointed else (0, 1, 2, 3, 4, 5)
+        labels = tuple(source.channels[column] for column in used)
+        _all_known(name, source.name, motion.analog_time, labels, channels[:, list(used)])
         R = np.array(source.rotation)
         force = channels[:, :3] @ R.T
-        if source.kind == "force_at_point":
+        if pointed:
             point = channels[:, 3:6] @ R.T + np.array(source.position)
             moment = channels[:, 6:9] @ R.T + np.cross(np.nan_to_num(point), force)
         else:
@@ -84,6 +92,17 @@ def _plate(motion: MotionFile, path: Path, source: SourceSpec) -> ForcePlate:
             path, f"has no force plate {source.plate} (source '{source.name}'); it has {len(motion.plates)}"
         )
     return motion.plates[source.plate - 1]
+
+
+def _all_known(path: Path, source: str, time: np.ndarray, labels: tuple[str, ...], channels: np.ndarray) -> None:
+    bad = ~np.isfinite(channels)
+    if bad.any():
+        sample, column = np.argwhere(bad)[0]
+        raise FileError(
+            path,
+            f"channel '{labels[column]}' of source '{source}' is not a finite number at {time[sample]:g} s; "
+            f"{bad.any(axis=1).sum()} of {len(time)} samples have such a gap",
+        )
 
 
 def _baseline(

@@ -43,9 +43,15 @@ def read_session(path: str | os.PathLike) -> SessionSpec:
     if not trials:
         raise FileError(path, "needs at least one trial, written [[trial]]")
     _unique(path, "trial", [item.name for item in trials])
+    roles = {trial.name: trial.role for trial in trials}
     for trial in trials:
-        if trial.catch_of is not None and trial.catch_of not in [item.name for item in trials]:
-            raise FileError(path, f"[[trial]] '{trial.name}': catch_of names the unknown trial '{trial.catch_of}'")
+        if trial.catch_of is None:
+            continue
+        where = f"[[trial]] '{trial.name}': catch_of names"
+        if trial.catch_of not in roles:
+            raise FileError(path, f"{where} the unknown trial '{trial.catch_of}'")
+        if roles[trial.catch_of] != "trial":
+            raise FileError(path, f"{where} '{trial.catch_of}', whose role is '{roles[trial.catch_of]}', not 'trial'")
     spec = SessionSpec(
         path=path,
         name=name,
@@ -104,6 +110,12 @@ def _refuse() -> Any:
     raise ValueError
 
 
+def _count(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        raise ValueError
+    return value
+
+
 def _markers(table: Table, model: Model) -> tuple[tuple[str, str], ...]:
     pairs = table.pairs()
     if not pairs:
@@ -123,6 +135,7 @@ def _filter(table: Table | None) -> FilterSpec:
         markers=table.number("markers", standard.markers, above=0.0),
         forces=table.number("forces", standard.forces, above=0.0),
         events=table.number("events", standard.events, above=0.0),
+        stated=tuple(key for key in ("markers", "forces", "events") if key in table.content),
     )
     table.close()
     return spec
@@ -161,7 +174,7 @@ def _source(table: Table) -> SourceSpec:
     plate = None
     channels: tuple[str, ...] = ()
     if kind == "force_plate":
-        plate = int(table.number("plate", above=0.0))
+        plate = table.take("plate", _count, "a whole number from 1 on")
     else:
         channels = table.texts("channels")
         if len(channels) != CHANNELS[kind]:

@@ -16,11 +16,14 @@ class FilterSpec:
     - `forces`: 60 Hz, what reaches the joints; far below the resonance of a plate's mount.
     - `events`: 150 Hz, only for finding onset and release: a step rises in 0.35 / 150 Hz = 2.3 ms, and a mount
       that rings at 350 Hz is damped to a tenth.
+    - `stated`: which of them the session file states; a stated cut-off that a recording is too slow for is an error,
+      the others give way.
     """
 
     markers: float = 20.0
     forces: float = 60.0
     events: float = 150.0
+    stated: tuple[str, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)

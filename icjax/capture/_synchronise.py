@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
-from icjax.capture._filters import finite_runs, lowpass
+from icjax.capture._filters import HIGHEST_CUTOFF, finite_runs, lowpass
 from icjax.capture._sensors import SensorWrench
 
 
@@ -17,12 +17,12 @@ def on_marker_clock(
     outside the force recording, or in one of its gaps, are NaN. The filter has no phase and therefore adds no
     delay between force and movement; both clocks count from the same instant (`MotionFile`).
 
-    **Arguments**: `sensor`; `marker_time` s; `cutoff` Hz, limited to 0.4 of either rate.
+    **Arguments**: `sensor`; `marker_time` s; `cutoff` Hz, limited to 0.38 of either rate.
     """
     from scipy.interpolate import CubicSpline
 
     marker_rate = (len(marker_time) - 1) / float(marker_time[-1] - marker_time[0])
-    cutoff = min(cutoff, 0.38 * sensor.rate, 0.38 * marker_rate)
+    cutoff = min(cutoff, HIGHEST_CUTOFF * sensor.rate, HIGHEST_CUTOFF * marker_rate)
     filtered = lowpass(sensor.wrench, sensor.rate, cutoff)
     result = np.full((len(marker_time), 6), np.nan)
     slack = 0.5 / sensor.rate

@@ -181,6 +181,33 @@ def test_without_a_tare_window_the_noise_comes_from_the_differences():
     assert abs(without.noise / with_tare.noise - 1) < 0.3
 
 
+@pytest.mark.parametrize("size", [0.5, 5.0, 500.0])
+@pytest.mark.parametrize("tare", [0.2, -1.0])
+def test_a_plate_that_reads_exactly_zero_unloaded(size, tare):
+    """No noise to judge by, and between two contacts nothing but the ringing of the filter: thresholds have a floor."""
+    time, force = ramps([1.0, 3.0], [2.0, 4.0], 100.0 * size, size, noise=0.0)
+    course = force_course(sensor_of(force, time, tare=tare), 150.0, ContactSpec())
+    assert course.onset >= max(1e-3, 1e-3 * size)
+    assert course.onset > course.release > 0
+    # A ramp of 10 ms is widened by the filter by half its rise time, 1.5 ms, and by its ringing at 0.1 % of the size.
+    np.testing.assert_allclose(contact_events(course, ContactSpec()), [(1.0, 2.0), (3.0, 4.0)], atol=0.004)
+
+
+def test_a_plate_that_is_never_loaded_has_no_contact():
+    course = force_course(sensor_of(np.zeros(3000)), 150.0, ContactSpec())
+    assert contact_events(course, ContactSpec()) == []
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_force_that_is_not_known_is_an_error(bad):
+    """As a zero it would end the contact and begin another one."""
+    channels = np.zeros((1000, 6))
+    channels[600:650, 2] = bad
+    expected = r"t\.c3d: channel 'Fz' of source 'plate' is not a finite number at 0\.6 s; 50 of 1000 samples"
+    with pytest.raises(FileError, match=expected):
+        sensor_wrench(recorded(channels), TRIAL, SOURCE, SESSION)
+
+
 def tilted():
     n = np.array([0.1, -0.3, 0.9])
     return SurfaceSpec(point=(0.2, 0.1, -0.4), normal=tuple((n / np.linalg.norm(n)).tolist()))
