@@ -26,7 +26,9 @@ def estimate(
 
     Joint torques (Eq. 2) at every frame, compliance at every contact event (section 3.3), one pooled value a
     joint over the session, and the reference trajectory (Eq. 1, section 3.4). Catch trials and other recordings
-    in which nothing is touched are not used by this method. `per_event` and `summary` are those of the session
+    in which nothing is touched are not used by this method. Where something touches while the pose is unknown
+    (`valid` is false), torque and reference are NaN; where nothing touches the reference is the recorded `q`, valid
+    or not. `per_event` and `summary` are those of the session
     and the same in every result; `per_event.recording` says which trial an event is from.
 
     **Arguments**

@@ -4,6 +4,9 @@ import dataclasses
 import math
 from typing import Literal
 
+LONGEST_WINDOW = 1.0
+"""s; ten times the delay of a spinal reflex. Over a longer window the response is a new movement, not compliance."""
+
 
 @dataclasses.dataclass(frozen=True)
 class EstimationOptions:
@@ -18,7 +21,7 @@ class EstimationOptions:
 
     **Arguments**
 
-    - `window_before`, `window_after`: lengths of the windows on either side of the onset, s.
+    - `window_before`, `window_after`: lengths of the windows on either side of the onset, s; at most `LONGEST_WINDOW`.
     - `degree`: 1 (linear) or 2 (quadratic).
     - `coverage`: least part of each window that must be free of other contacts, of the recording's ends and of
       invalid frames; below it the event has too few samples.
@@ -28,8 +31,10 @@ class EstimationOptions:
       ordinary six-axis sensor, 10 mN, at the length of a finger, 0.1 m.
     - `pool_negative`: keep negative estimates in the pooled value. Leaving them out, as the paper does, biases
       what remains upward, because noise of one sign is removed.
-    - `source`: "event" holds each event's own estimate where it was accepted, else the session's pooled value;
-      "session" uses the pooled value throughout.
+    - `source`: "event" holds each event's own estimate where it was accepted and its standard error is below its
+      value (an error as large as the value says nothing about the value), else the session's pooled value;
+      "session" uses the pooled value throughout. Where the pooled value is not finite, the one that the model
+      states stands for it.
     - `blend`: s before an onset in which one compliance changes smoothly into the next.
     - `joints`: names of the joints to estimate (a joint's name or that of one of its degrees of freedom); empty
       means every compliant joint of the model.
@@ -60,6 +65,10 @@ class EstimationOptions:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} = {value}: a window must be longer than 0 s")
+            if value > LONGEST_WINDOW:
+                raise ValueError(
+                    f"{name} = {value}: a window is at most {LONGEST_WINDOW:g} s (reflexes act after 0.1 s)"
+                )
         if self.degree not in (1, 2):
             raise ValueError(f"degree = {self.degree}: must be 1 (linear) or 2 (quadratic)")
         if not 0 < self.coverage <= 1:

@@ -43,7 +43,8 @@ def compliance_path(
     Before the first event the joint's default holds. Defaults, in this order: the value in `options.given`, the
     session's pooled value, the value that the model states (`STATED_SD` of it as standard deviation), and zero
     with an infinite standard deviation: the joint is then treated as rigid, and `sources` says so. Each event
-    uses its own estimate where it was accepted and `options.source` is "event", else the default. Driven
+    uses its own estimate where it was accepted, its standard error is below its value and `options.source` is
+    "event", else the default. Driven
     degrees of freedom (the root) have none: zero.
 
     **Arguments**
@@ -155,7 +156,8 @@ def _own_estimate(
     column = per_event.joint_names.index(name)
     if int(per_event.status[row, column]) != ACCEPTED:
         return None
-    return float(per_event.compliance[row, column]), float(per_event.standard_error[row, column])
+    value, error = float(per_event.compliance[row, column]), float(per_event.standard_error[row, column])
+    return (value, error) if error < value else None
 
 
 def _blend_weight(time: np.ndarray, recording: Recording, event: int, loads: np.ndarray, blend: float) -> np.ndarray:

@@ -22,7 +22,8 @@ def joint_torque(recording: Recording) -> Float[Real, "time dof"]:
       counts where `touching`; elsewhere its force, point and moment are ignored, NaN or not.
 
     **Returns** `[time, dof]`, Nm (N for a slide; the root's columns are the wrench on a free root). Zero where
-    nothing touches, NaN where something touches and the pose or the contact is unknown.
+    nothing touches, NaN where something touches and the pose or the contact is unknown. A pose is unknown where
+    `valid` is false, whatever finite coordinates stand there.
 
     **Errors**: `ValueError` for a contact that names neither a body nor a pad of the model.
 
@@ -36,6 +37,7 @@ def joint_torque(recording: Recording) -> Float[Real, "time dof"]:
         recording.contact_point,
         recording.contact_moment,
         recording.touching,
+        recording.valid,
     )
 
 
@@ -71,11 +73,11 @@ def contact_torque(
 
 
 @eqx.filter_jit
-def _all_frames(model, bodies, q, force, point, moment, touching):
-    def frame(*columns):
-        return contact_torque(model, bodies, *columns)
+def _all_frames(model, bodies, q, force, point, moment, touching, valid):
+    def frame(valid, *columns):
+        return jnp.where(valid | ~jnp.any(columns[-1]), contact_torque(model, bodies, *columns), jnp.nan)
 
-    return jax.vmap(frame)(q, force, point, moment, touching)
+    return jax.vmap(frame)(valid, q, force, point, moment, touching)
 
 
 def body_index(model: Model, name: str) -> int:

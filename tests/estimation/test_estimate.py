@@ -85,6 +85,30 @@ def test_no_usable_event_is_never_a_bare_number():
     assert np.isfinite(found.reference).all()
 
 
+def test_an_unknown_pose_in_contact_leaves_the_reference_unknown():
+    """Coordinates that no marker stands behind are not passed on as a reference; without contact they stay."""
+    made, _, _ = pressing()
+    valid = np.ones(len(made.time), bool)
+    valid[[10, 250]] = False
+    touching = np.asarray(made.touching)[:, 0]
+    assert not touching[10]
+    assert touching[250]
+    found = estimate(session(eqx.tree_at(lambda r: r.valid, made, valid)))[0]
+    assert np.isnan(found.torque[250]).all()
+    assert np.isnan(found.reference[250]).all()
+    assert np.isfinite(np.delete(found.reference, 250, axis=0)).all()
+    np.testing.assert_array_equal(found.reference[10], made.q[10])
+    np.testing.assert_allclose(found.summary.compliance, COMPLIANCE, rtol=1e-8)
+
+
+def test_a_session_without_a_usable_event():
+    made, _, _ = pressing(rates=(1e-4, 1e-4, 1e-4))
+    found = estimate(session(made))[0]
+    assert np.isnan(found.summary.compliance).all()
+    assert np.isinf(found.summary.upper).all()
+    assert np.isfinite(found.reference).all()
+
+
 def test_errors():
     made, _, _ = pressing()
     quiet = eqx.tree_at(
@@ -98,6 +122,8 @@ def test_errors():
         estimate(session(made), EstimationOptions(joints=("toe",)))
     with pytest.raises(ValueError, match="unknown compliant joint 'heel'"):
         estimate(session(made), EstimationOptions(given={"heel": 1.0}))
+    with pytest.raises(ValueError, match=r"window_after = 1\.5: a window is at most 1 s"):
+        EstimationOptions(window_after=1.5)
     with pytest.raises(ValueError, match="no recording with the role 'trial' .roles: none"):
         estimate(session())
     with pytest.raises(ValueError, match="trial 'trial00': no contact forces"):

@@ -102,6 +102,22 @@ def test_zero_blend_steps_at_the_onset():
     np.testing.assert_allclose(np.asarray(made.time)[changed + 1], [0.4, onset], atol=0.0021)
 
 
+def test_an_event_that_knows_nothing_does_not_stand_for_itself():
+    """A standard error as large as the value: the pooled value is held there, and stated for it."""
+    made, _, _, onset = two_events()
+    events = compliance_at_contact((made,))
+    error = np.array(events.standard_error)
+    error[1, 0] = 1.01 * float(events.compliance[1, 0])
+    events = eqx.tree_at(lambda e: e.standard_error, events, error)
+    summary = summarise(events)
+    path = compliance_path(made, events, summary)
+    assert path.sources["joint0"] == ("session", "event", "session")
+    assert path.sources["joint1"] == ("session", "event", "event")
+    after = np.asarray(made.time) >= onset
+    np.testing.assert_array_equal(path.compliance[after, 0], float(summary.compliance[0]))
+    np.testing.assert_allclose(path.compliance[after, 1], 0.3, rtol=1e-8)
+
+
 def test_sources_and_their_fallbacks():
     made, _, _ = pressing(rates=(0.3, 0.2, 0.0))
     path, events = path_of(made)

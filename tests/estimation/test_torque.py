@@ -92,6 +92,10 @@ def test_nan_where_nothing_touches_is_ignored_and_elsewhere_kept():
     assert np.all(np.isnan(blind[250]))
     assert np.isfinite(np.delete(blind, 250, axis=0)).all()
     assert model.nv == blind.shape[1]
+    valid = np.ones(len(touching), bool)
+    valid[[10, 250]] = False
+    unsure = np.asarray(joint_torque(eqx.tree_at(lambda r: r.valid, made, valid)))  # finite q, but not of markers
+    np.testing.assert_array_equal(unsure, blind)
 
 
 def test_derivatives_forward_reverse_central_difference():
