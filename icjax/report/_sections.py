@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from icjax import view
-from icjax.interaction import STATUS, Interaction
+from icjax.interaction import Interaction
 from icjax.recording import Recording
+from icjax.report._estimates import not_drawn
 from icjax.report._page import Section, absent, figure, folded, pairs, paragraph, player, table
 from icjax.results import RESULTS
 from icjax.rollout import SLIP_STATES, Rollout
@@ -35,112 +36,42 @@ def scene(recordings: Recordings, interactions: Interactions, rollouts: Rollouts
         first = next((item for item in recordings if item.role == "trial"), recordings[0])
         shown.append((f"measured ({first.name})", first))
     shown += [(view.scene_name(item), item) for item in rollouts]
+    unseen = [name for name, item in shown if not _has_pose(item)]
+    shown = [(name, item) for name, item in shown if _has_pose(item)]
     if not shown:
+        if unseen:
+            words = f"Nothing to show: no frame of {', '.join(unseen)} has a pose."
+            return Section("view", "In three dimensions", absent(words)), ""
         return Section(
             "view", "In three dimensions", absent("Nothing to show: no recording, interaction or rollout.")
         ), ""
+    missing = absent(f"Not shown, since no frame has a pose: {', '.join(unseen)}.") if unseen else ""
     frame, script = player([name for name, _ in shown], [view.export_scene(item, frames=120) for _, item in shown])
     words = (
         "Drag to turn, scroll to zoom, use the bar below the picture to move through time. Arrows are contact "
         "forces on the finger, as long as they are strong. The plate under a measured movement is a "
         "level plane through the contact points."
     )
-    return Section("view", "In three dimensions", paragraph(words) + frame + KEY), script
+    return Section("view", "In three dimensions", paragraph(words) + frame + KEY + missing), script
 
 
-def compliance(interactions: Interactions) -> Section:
-    """Table of joint compliance with intervals and counts, and every event behind it."""
-    heading = "Joint compliance"
-    if not interactions:
-        return Section("compliance", heading, absent("No interaction was given, so there is no compliance to show."))
-    interaction = interactions[0]
-    summary, per_event = interaction.summary, interaction.per_event
-    rows = []
-    for column, joint in enumerate(summary.joint_names):
-        status = np.asarray(per_event.status)[:, column] if joint in per_event.joint_names else np.zeros(0, int)
-        counts = [int((status == STATUS.index(name)).sum()) for name in STATUS]
-        low, high = float(summary.lower[column]), float(summary.upper[column])
-        rows.append([joint, _compliance(float(summary.compliance[column])), _interval(low, high), str(counts[0]),
-                     str(counts[1]), str(counts[2]), str(counts[3]), str(int(summary.events[column]))])  # fmt: skip
-    head = ["joint", "compliance (rad/Nm)", "95 % interval", "accepted", "negative", "not excited", "too few samples",
-            "events"]  # fmt: skip
-    body = paragraph(
-        "Compliance is how far a joint yields for each newton metre that contact puts on it (Eq. 1). A contact that "
-        "barely loads a joint says nothing about it and is counted as not excited."
-    )
-    body += table(head, rows)
-    if len(per_event.onset) and per_event.joint_names == summary.joint_names:
-        body += figure(
-            view.svg(
-                view.plot_compliance(per_event, summary), "compliance", "compliance of every joint at every contact"
-            ),
-            "Every contact event. Bars are 95 % intervals of the single fit; the band is that of the summary.",
-        )
-    return Section("compliance", heading, body)
-
-
-def contact(interactions: Interactions) -> Section:
-    """Figure 3 for a good event and Figure 8 for a rejected one."""
-    heading = "At the moment of contact"
-    choices = [(item, *choice) for item in interactions for choice in [representative(item)]]
-    chosen = next(((item, good) for item, good, _ in choices if good is not None), None)
-    rejected = next(((item, bad) for item, _, bad in choices if bad is not None), None)
-    if chosen is None and rejected is None:
-        return Section("contact", heading, absent("There is no contact event with an estimate to show."))
-    body = ""
-    if chosen is not None:
-        item, (event, joint) = chosen
-        drawing = view.plot_contact_event(item, event, joint)
-        body += figure(
-            view.svg(drawing, "accepted", f"{joint} angle and torque at contact"),
-            "As in Figure 3: straight or curved fits before and after contact; the difference of their slopes over the "
-            "slope of the torque is the compliance. The dotted line carries the movement before contact on.",
-        )
-    if rejected is not None:
-        item, (event, joint) = rejected
-        drawing = view.plot_contact_event(item, event, joint)
-        body += figure(
-            view.svg(drawing, "negative", f"{joint} angle and torque at a contact with a negative estimate"),
-            "As in Figure 8: here the joint moves the wrong way for any positive compliance to explain it. The "
-            "coloured line is the reference that 1 rad/Nm would need. The estimate is kept and marked.",
-        )
-    return Section("contact", heading, body)
-
-
-def representative(interaction: Interaction) -> tuple[tuple[int, str] | None, tuple[int, str] | None]:
-    """The accepted event with the best fits, and the negative one with the largest excitation (event, joint).
-
-    Only events of this interaction's own recording are considered, since only its time series is at hand.
-    """
-    per_event = interaction.per_event
-    own = np.array([name == interaction.name for name in per_event.recording], dtype=bool)
-    status, error = np.asarray(per_event.status), np.asarray(per_event.standard_error)
-    if not own.any() or not status.size:
-        return None, None
-    accepted = own[:, None] & (status == STATUS.index("accepted"))
-    negative = own[:, None] & (status == STATUS.index("negative"))
-    precision = np.abs(np.asarray(per_event.compliance)) / np.maximum(error, 1e-9)
-    quality = np.where(np.isfinite(precision), precision, 0.0) * np.nanmin(np.asarray(per_event.r_squared), axis=2)
-    excitation = np.abs(np.nan_to_num(np.asarray(per_event.torque_change)))
-    return _best(accepted, quality, per_event.joint_names), _best(negative, excitation, per_event.joint_names)
-
-
-def _best(mask: np.ndarray, score: np.ndarray, joints: tuple[str, ...]) -> tuple[int, str] | None:
-    if not mask.any():
-        return None
-    event, joint = np.unravel_index(int(np.argmax(np.where(mask, score, -np.inf))), mask.shape)
-    return int(event), joints[int(joint)]
+def _has_pose(item: Recording | Interaction | Rollout) -> bool:
+    return bool(np.isfinite(np.asarray(item.q, dtype=float)).all(axis=1).any())
 
 
 def motion(recordings: Recordings, interactions: Interactions) -> Section:
     """Angles with the reference, and the recording's quality."""
     body = ""
-    if interactions:
+    if interactions and view.scalar_joints(interactions[0].model):
         body += figure(
             view.svg(view.plot_angles(interactions[0]), "angles", "joint angles and reference trajectory"),
             "Measured joint angles and their reference trajectory, where Eq. 1 says the joints would have gone without "
             "contact. Shaded: contact. Band: 95 % of the reference's stated uncertainty.",
         )
+    if interactions:
+        model = interactions[0].model
+        kinds = zip(model.joint_names, model.joint_types, strict=True)
+        body += not_drawn(model, [name for name, kind in kinds if kind == "ball"])
     else:
         body += absent("No interaction was given, so there is no reference trajectory to show.")
     if recordings:
@@ -156,7 +87,7 @@ def motion(recordings: Recordings, interactions: Interactions) -> Section:
                 "rate (Hz)",
                 "contacts",
                 "frames without pose",
-                "marker residual (mm)",
+                "median marker residual (mm)",
             ],
             [_recording_row(item) for item in recordings],
             words=(0, 1),
@@ -185,10 +116,14 @@ def forces(interactions: Interactions, rollouts: Rollouts) -> Section:
         view.svg(view.plot_forces(measured, tuple(rollouts)), "forces", "contact forces before and after transfer"),
         "As in Figure 4: contact force on each new surface over the force measured on the original one.",
     )
-    body += figure(
-        view.svg(view.plot_path(measured, tuple(rollouts)), "path", "path of the fingertip over each surface"),
-        "Lowest point of the undeformed fingertip, seen from the side; below the surface the soft pad is pressed in.",
-    )
+    if any(_has_pose(item) for item in (*interactions[:1], *rollouts)):
+        body += figure(
+            view.svg(view.plot_path(measured, tuple(rollouts)), "path", "path of the fingertip over each surface"),
+            "Lowest point of the undeformed fingertip, seen from the side; below the surface the soft pad is pressed "
+            "in. Heights are those of the world.",
+        )
+    else:
+        body += absent("No frame has a pose, so there is no path to show.")
     if measured is None:
         body += absent("No interaction was given, so the measured forces are not shown.")
     return Section("forces", heading, body)
@@ -208,7 +143,7 @@ def rollout_table(rollouts: Rollouts) -> Section:
         closed = max(int((state > 0).any(axis=1).sum()), 1)
         share = [(state == SLIP_STATES.index(name)).any(axis=1).sum() / closed for name in ("sticking", "sliding")]
         rows.append([view.scene_name(item), str(len(status)), str(len(failed)), _largest(item.residual, ".1e"),
-                     _largest(item.equilibrium_error, ".1e"), f"{1e3 * float(np.nanmin(np.asarray(item.gap))):.2f}",
+                     _largest(item.equilibrium_error, ".1e"), _deepest(item.gap),
                      f"{share[0]:.0%}", f"{share[1]:.0%}"])  # fmt: skip
         causes += [[view.scene_name(item), f"{float(item.time[k]):.3f}", _cause(int(status[k]))] for k in failed[:20]]
         if len(failed) > 20:
@@ -228,6 +163,11 @@ def rollout_table(rollouts: Rollouts) -> Section:
 def _largest(values: Any, form: str) -> str:
     numbers = np.abs(np.asarray(values, dtype=float))
     return format(float(np.nanmax(numbers)), form) if np.isfinite(numbers).any() else "none"
+
+
+def _deepest(gap: Any) -> str:
+    numbers = np.asarray(gap, dtype=float)
+    return f"{1e3 * float(np.nanmin(numbers)):.2f}" if np.isfinite(numbers).any() else "none"
 
 
 def _cause(status: int) -> str:
@@ -276,13 +216,3 @@ def _flatten(values: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str
         else:
             flat.append((name, f"{value:.4g}" if isinstance(value, float) else str(value)))
     return flat
-
-
-def _compliance(value: float) -> str:
-    return f"{value:.3f}" if np.isfinite(value) else "not estimated"
-
-
-def _interval(low: float, high: float) -> str:
-    if np.isfinite(low) and np.isfinite(high):
-        return f"{low:.3f} to {high:.3f}"
-    return f"below {high:.3f}" if np.isfinite(high) else "unbounded"

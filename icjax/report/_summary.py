@@ -32,7 +32,7 @@ def is_simulated(
 
 
 def lead(recordings: Recordings, interactions: Interactions, rollouts: Rollouts, simulated: bool | None) -> str:
-    """One paragraph: what was recorded, what was read from it, where it was carried."""
+    """One paragraph: what was recorded, what was estimated from it, where it was carried."""
     parts = []
     kind = {True: "simulated ", False: "", None: ""}[simulated]
     trials = [item for item in recordings if item.role == "trial"]
@@ -44,16 +44,16 @@ def lead(recordings: Recordings, interactions: Interactions, rollouts: Rollouts,
         duration = f"{seconds:.1f} s in all"
         parts.append(f"{_count(len(trials), kind + 'trial')}{extra} ({duration}) with {_count(contacts, 'contact')}.")
     if interactions:
+        summary = interactions[0].summary
         found = [
             f"{joint} {_number(value)}"
-            for joint, value in zip(
-                interactions[0].summary.joint_names, np.asarray(interactions[0].summary.compliance), strict=True
-            )
+            for joint, value in zip(summary.joint_names, np.asarray(summary.compliance), strict=True)
         ]
+        listed = f": {', '.join(found)} rad/Nm." if 0 < len(found) <= 6 else f"; the table lists {len(found)}."
         parts.append(
-            "From the change of joint angle and torque at each contact the compliance of every joint was read: "
-            + ", ".join(found)
-            + " rad/Nm. With it follows the reference trajectory, where the joints would have gone without contact."
+            "From the change of joint angle and torque at each contact the compliance of the joints was estimated "
+            "(biased: inertia, damping and planned deceleration; see the caution)" + listed + " With it follows the "
+            "reference trajectory, where the joints would have gone without contact."
         )
     else:
         parts.append("No interaction has been estimated yet.")
@@ -70,19 +70,24 @@ def key_figures(recordings: Recordings, interactions: Interactions, rollouts: Ro
     figures = []
     if recordings:
         forces = [force_components(item)[0].max(initial=0.0) for item in recordings if item.role == "trial"]
-        figures.append((str(sum(len(item.events.onset) for item in recordings if item.role == "trial")), "contacts"))
-        figures.append((f"{max(forces, default=0.0):.2f} N", "largest vertical force"))
+        scope = "the one trial" if len(forces) == 1 else f"all {len(forces)} trials"
+        contacts = sum(len(item.events.onset) for item in recordings if item.role == "trial")
+        figures.append((str(contacts), f"contacts, {scope}"))
+        figures.append((f"{max(forces, default=0.0):.2f} N", f"largest vertical force, {scope}"))
+        every = "the one recording" if len(recordings) == 1 else f"all {len(recordings)} recordings"
         residual = np.concatenate([np.asarray(item.marker_residual).ravel() for item in recordings])
         if np.isfinite(residual).any():
-            figures.append((f"{1e3 * np.nanmedian(residual):.2f} mm", "median marker residual"))
+            figures.append((f"{1e3 * np.nanmedian(residual):.2f} mm", f"median marker residual, {every}"))
     if interactions:
-        summary = interactions[0].summary
+        summary, trials = interactions[0].summary, len(set(interactions[0].per_event.recording))
+        pooled = f"events of {_count(trials, 'trial')}"
         accepted, events = int(np.sum(summary.accepted)), int(np.sum(summary.events))
-        figures.append((f"{accepted} of {events}", "joint estimates accepted"))
+        figures.append((f"{accepted} of {events}", f"joint estimates accepted, {pooled}"))
     if rollouts:
         failed = sum(int((np.asarray(item.status) != 0).sum()) for item in rollouts)
+        scenes = "the one rollout" if len(rollouts) == 1 else f"all {len(rollouts)} rollouts"
         steps = sum(len(item.time) for item in rollouts)
-        figures.append((f"{failed} of {steps}", "simulation steps failed"))
+        figures.append((f"{failed} of {steps}", f"simulation steps failed, {scenes}"))
     return figures
 
 

@@ -11,8 +11,9 @@ from typing import Any
 from icjax.files import FileError
 from icjax.interaction import Interaction
 from icjax.recording import Recording, Session
+from icjax.report._estimates import compliance, contact
 from icjax.report._page import note, page, paragraph, text, tiles
-from icjax.report._sections import compliance, contact, forces, motion, provenance, rollout_table, scene
+from icjax.report._sections import forces, motion, provenance, rollout_table, scene
 from icjax.report._summary import cautions, is_simulated, key_figures, lead
 from icjax.rollout import Rollout
 
@@ -43,7 +44,8 @@ def write_report(
     - `path`: the file to write (folders are made); complete or not at all.
     - `session`: a recording or several; `interactions`: estimates, the first one is shown in full.
     - `rollouts`: the transfers, in the order to show them.
-    - `metrics`: numbers to list, nested as you like; `versions`: by default those of the installed packages.
+    - `metrics`: numbers to list, nested as you like; a `true_compliance` of a joint under `estimate` (a virtual
+      subject) also gets a column in the table of compliance; `versions`: by default those of the installed packages.
     - `seed`: of the demonstration, if one was used.
     - `simulated`: whether the *recording* came from a simulation; by default what its provenance or
       the metrics say, else unknown.
@@ -62,7 +64,7 @@ def write_report(
     frame, script = scene(recordings, interactions, rollouts)
     sections = [
         frame,
-        compliance(interactions),
+        compliance(interactions, metrics),
         contact(interactions),
         motion(recordings, interactions),
         forces(interactions, rollouts),

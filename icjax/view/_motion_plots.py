@@ -6,7 +6,7 @@ import numpy as np
 
 from icjax.interaction import Interaction
 from icjax.rollout import Rollout
-from icjax.view._skeleton import hinge_columns, pad_path, up_direction
+from icjax.view._skeleton import pad_path, scalar_joints, up_direction
 from icjax.view._style import (
     CONTACT,
     INK,
@@ -42,25 +42,30 @@ def contact_intervals(interaction: Interaction, threshold: float = TOUCH_FORCE) 
 
 @styled
 def plot_angles(interaction: Interaction) -> "Figure":
-    """Joint angles as measured and their reference trajectory theta_r = theta - C tau (Eq. 1), a row a joint.
+    """Hinges and slides as measured and their reference trajectory theta_r = theta - C tau (Eq. 1), a row a joint.
 
     Shaded: contact. Band: 95 % of the reference's stated uncertainty (its standard deviation times 1.96).
+
+    **Errors**: `ValueError` where the model has neither a hinge nor a slide.
     """
-    joints = hinge_columns(interaction.model)
+    joints = scalar_joints(interaction.model)
+    if not joints:
+        raise ValueError(f"model {interaction.model.name!r} has neither a hinge nor a slide to draw")
     kept = thinned(len(interaction.time))
     time = np.asarray(interaction.time, dtype=float)[kept]
     intervals = contact_intervals(interaction)
     figure = new_figure(7.6, 0.5 + 1.25 * len(joints))
     axes = figure.subplots(len(joints), 1, sharex=True, squeeze=False)[:, 0]
-    for axis, (name, coordinate, dof) in zip(axes, joints, strict=True):
+    for axis, joint in zip(axes, joints, strict=True):
         for start, stop in intervals:
             axis.axvspan(start, stop, color=CONTACT, alpha=0.8, lw=0)
-        reference = np.degrees(np.asarray(interaction.reference, dtype=float)[kept, coordinate])
-        spread = 1.96 * np.degrees(np.asarray(interaction.reference_sd, dtype=float)[kept, dof])
+        reference = joint.scale * np.asarray(interaction.reference, dtype=float)[kept, joint.coordinate]
+        spread = 1.96 * joint.scale * np.asarray(interaction.reference_sd, dtype=float)[kept, joint.dof]
         axis.fill_between(time, reference - spread, reference + spread, color=REFERENCE, alpha=0.22, lw=0)
-        axis.plot(time, np.degrees(np.asarray(interaction.q)[kept, coordinate]), color=MEASURED, label="measured θ")
+        measured = joint.scale * np.asarray(interaction.q, dtype=float)[kept, joint.coordinate]
+        axis.plot(time, measured, color=MEASURED, label="measured θ")
         axis.plot(time, reference, color=REFERENCE, ls=(0, (4, 2)), label="reference θr")
-        axis.set_ylabel(f"{name} (deg)")
+        axis.set_ylabel(f"{joint.name} ({joint.unit})")
         axis.margins(x=0.0)
     axes[-1].set_xlabel("time (s)")
     figure.align_ylabels(list(axes))
@@ -73,9 +78,9 @@ def plot_path(interaction: Interaction | None, rollouts: tuple[Rollout, ...] = (
     """Path of the fingertip over each surface, seen from the side; both axes in mm at the same scale.
 
     The lines are the pad's lowest point (its centre less its radius along the vertical); a pad pressed into a
-    surface therefore runs slightly below it.
+    surface therefore runs slightly below it. Heights are those of the world, along its vertical.
 
-    **Errors**: `ValueError` where there is neither an interaction nor a rollout.
+    **Errors**: `ValueError` where there is neither an interaction nor a rollout, or no frame has a pose.
     """
     if interaction is None and not rollouts:
         raise ValueError("nothing to draw: give an interaction or at least one rollout")
@@ -97,8 +102,11 @@ def plot_path(interaction: Interaction | None, rollouts: tuple[Rollout, ...] = (
     paths = [path for path in (measured, *(panel[2] for panel in panels)) if path is not None]
     everything = np.concatenate(paths)
     everything = everything[np.isfinite(everything).all(axis=1)]
+    if not len(everything):
+        raise ValueError("no frame has a pose, there is no path to draw")
     along = _main_direction(everything, up)
     origin = everything.mean(axis=0)
+    origin = origin - up * (origin @ up)
 
     distance, levels = (everything - origin) @ along, (everything - origin) @ up
     reach = np.linspace(distance.min() - 0.01, distance.max() + 0.01, 400)
@@ -112,10 +120,11 @@ def plot_path(interaction: Interaction | None, rollouts: tuple[Rollout, ...] = (
     for axis, height, (title, _, path, colour) in zip(axes, heights, panels, strict=True):
         axis.fill_between(1e3 * reach, 1e3 * floor, 1e3 * height, color=SURFACE, lw=0)
         axis.plot(1e3 * reach, 1e3 * height, color="#8C8371", lw=1.0)
-        if measured is not None:
-            axis.plot(*_cut(measured, origin, along, up), color=MEASURED, lw=1.0, label="measured")
         if path is not None:
-            axis.plot(*_cut(path, origin, along, up), color=colour, lw=1.3, label="simulated")
+            axis.plot(*_cut(path, origin, along, up), color=colour, lw=2.0, label="simulated")
+        if measured is not None:
+            dash = "-" if path is None else (0, (3, 2))
+            axis.plot(*_cut(measured, origin, along, up), color=MEASURED, lw=1.0, ls=dash, label="measured")
         axis.set_title(title, color=INK)
         axis.set_ylabel("height (mm)")
         axis.set_aspect("equal")

@@ -46,10 +46,10 @@ def export_scene(
     """A page with the record in 3-D, a time bar and a play button, that opens from disk with no network.
 
     The body is drawn as capsules between body origins, translucent so that forces inside it show, the reference
-    pose as a fainter ghost where the two differ, every contact
-    force as an arrow from the contact point, coloured by its slip state in a rollout. Surfaces come from a
-    rollout's scene; with a measured record they are a level patch through the contact points. A server is opened
-    on this machine only (127.0.0.1, a free port) while the page is made, and closed again.
+    pose as a fainter ghost of the bodies that differ (a driven root never does), every contact force as an arrow
+    from the contact point, coloured by its slip state in a rollout. Surfaces come from a rollout's scene; with a
+    measured record they are a level patch through the contact points. A server is opened on this machine only
+    (127.0.0.1, a free port) while the page is made, and closed again.
 
     **Arguments**
 
@@ -111,14 +111,18 @@ def _record_scene(server: Any, record: Recording | Interaction | Rollout, shown:
     server.initial_camera.near = 0.02 * size
     _add_surfaces(server, shapes, focus, size, along)
     nodes = _add_body(server, record, "body", BODY_COLOUR, 0.62)
-    ghosts = _add_body(server, record, "reference", _rgb(REFERENCE), 0.25) if shown.ghost_position is not None else {}
     largest = float(np.linalg.norm(shown.force, axis=-1).max(initial=0.0))
     arrows = _Arrows(server, size, 1.0 * size / largest if largest > 0 else 0.0, shown.colour)
     quaternions = _quaternions(shown.rotation)
     ghost_positions = shown.position if shown.ghost_position is None else shown.ghost_position
     ghost_quaternions = quaternions if shown.ghost_rotation is None else _quaternions(shown.ghost_rotation)
 
-    apart = np.abs(ghost_positions - shown.position).max(axis=(1, 2)) > 0.005 * size
+    gaps = np.abs(ghost_positions - shown.position).max(axis=2)
+    if shown.ghost_rotation is not None:
+        gaps = np.maximum(gaps, size * np.abs(shown.ghost_rotation - shown.rotation).max(axis=(2, 3)))
+    apart = gaps.max(axis=1) > 0.005 * size
+    differing = set(np.flatnonzero(gaps.max(axis=0) > 0.005 * size).tolist())
+    ghosts = _add_body(server, record, "reference", _rgb(REFERENCE), 0.25, differing)
 
     def place(k: int) -> None:
         for body, node in nodes.items():
@@ -187,9 +191,19 @@ def _tuple(colour: np.ndarray) -> tuple[int, int, int]:
     return (int(colour[0]), int(colour[1]), int(colour[2]))
 
 
-def _add_body(server: Any, record: Any, name: str, colour: tuple[int, int, int], opacity: float) -> dict[int, Any]:
+def _add_body(
+    server: Any,
+    record: Any,
+    name: str,
+    colour: tuple[int, int, int],
+    opacity: float,
+    chosen: set[int] | None = None,
+) -> dict[int, Any]:
+    """Capsules of the chosen bodies (all by default), one node a body."""
     nodes: dict[int, Any] = {}
     for index, bone in enumerate(bones(record.model)):
+        if chosen is not None and bone.body not in chosen:
+            continue
         path = f"/{name}/{record.model.body_names[bone.body].replace('/', '-')}"
         if bone.body not in nodes:
             nodes[bone.body] = server.scene.add_frame(path, show_axes=False)
@@ -220,13 +234,12 @@ def _add_surfaces(server: Any, shapes: tuple[Shape, ...], focus: np.ndarray, siz
 
 
 def _framing(record: Any, shown: _Frames) -> tuple[np.ndarray, float]:
-    """Point to look at and half the size of what moves near it; the root's far end may leave the picture."""
+    """Point to look at and half the diagonal of the box that holds every body at all times."""
     parts = bones(record.model)
     if not parts:
         return np.zeros(3), 0.1
-    shown_parts = parts[1:] if len(parts) > 3 else parts
     points = []
-    for part in shown_parts:
+    for part in parts:
         origin, turn = shown.position[:, part.body], shown.rotation[:, part.body]
         points += [origin + turn @ part.start, origin + turn @ part.end]
     cloud = np.concatenate(points)

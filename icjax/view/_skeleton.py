@@ -102,12 +102,36 @@ def up_direction(model: Model) -> np.ndarray:
     return -gravity / size if size > 0 else np.array([0.0, 0.0, 1.0])
 
 
-def hinge_columns(model: Model) -> list[tuple[str, int, int]]:
-    """Name, column of `q` and column of `v` of every hinge, root to tip."""
-    return [
-        (name, coordinates.start, dofs.start)
+class ScalarJoint(NamedTuple):
+    """A joint with one coordinate, and the units in which pictures show it."""
+
+    name: str
+    coordinate: int
+    dof: int
+    kind: str
+
+    @property
+    def scale(self) -> float:
+        """Shown units in a rad or a metre."""
+        return 1e3 if self.kind == "slide" else float(np.degrees(1.0))
+
+    @property
+    def unit(self) -> str:
+        """Unit in which the coordinate is shown."""
+        return "mm" if self.kind == "slide" else "deg"
+
+    @property
+    def compliance_unit(self) -> str:
+        """Unit of the joint's compliance."""
+        return "m/N" if self.kind == "slide" else "rad/Nm"
+
+
+def scalar_joints(model: Model) -> tuple[ScalarJoint, ...]:
+    """Every hinge and slide, root to tip. Ball and free joints have no single coordinate to draw over time."""
+    return tuple(
+        ScalarJoint(name, coordinates.start, dofs.start, kind)
         for name, kind, coordinates, dofs in zip(
             model.joint_names, model.joint_types, model.coordinate_slices, model.dof_slices, strict=True
         )
-        if kind == "hinge"
-    ]
+        if kind in ("hinge", "slide")
+    )

@@ -72,6 +72,7 @@ def draw_snapshot(
     along = _side_axis(model, np.asarray(record.q, dtype=float)[moments[0]], up)
     strongest = max(moments, key=lambda k: normal[k])
     origin = np.nanmean(tips[moments], axis=0)
+    origin = origin - up * (origin @ up)
 
     figure = new_figure(8.0, 4.6)
     side, plot = figure.subplots(2, 1, height_ratios=[2.7, 1.0])

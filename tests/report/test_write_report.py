@@ -1,19 +1,22 @@
 """What the page says when parts are missing, and that it is written whole or not at all."""
 
+import equinox as eqx
+import numpy as np
 import pytest
+from view.example_leg import with_ball_joint, without_poses
 from view.example_records import make_interaction, make_recording, make_rollout
 
 from icjax import report as report_package
 from icjax.files import FileError
 from icjax.recording import Session
-from icjax.report import _sections, write_report
+from icjax.report import _estimates, _sections, write_report
 
 
 @pytest.fixture
 def no_scene(monkeypatch):
     """The 3-D export is tested elsewhere and takes seconds."""
     page = '<html><head><script>window.__VISER_EMBED_DATA__="AAAA";</script></head></html>'
-    monkeypatch.setattr(_sections.view, "export_scene", lambda record: page)
+    monkeypatch.setattr(_sections.view, "export_scene", lambda record, frames: page)
 
 
 def test_empty_page_says_what_is_absent(tmp_path):
@@ -76,6 +79,56 @@ def test_the_same_viewer_is_stored_once():
 
 
 def test_the_best_accepted_and_the_most_excited_negative_event_are_shown():
-    accepted, negative = _sections.representative(make_interaction(make_recording()))
+    accepted, negative = _estimates.representative(make_interaction(make_recording()))
     assert accepted is not None
     assert negative == (1, "PIP")
+
+
+@pytest.mark.usefixtures("no_scene")
+def test_a_ball_joint_is_left_out_of_the_plots_and_named(tmp_path):
+    interaction = with_ball_joint(make_interaction(make_recording()))
+    text = write_report(tmp_path / "report.html", interactions=(interaction,)).read_text(encoding="utf-8")
+    assert "Left out: ankle_x, ankle_y, ankle_z." in text
+    assert "Left out: ankle." in text
+    assert "knee (deg)" in text
+    assert "rail (mm)" in text
+    assert "ankle (deg)" not in text
+    chosen, _ = _estimates.representative(interaction)
+    assert chosen is not None
+    assert chosen[1] in ("knee", "rail")
+
+
+def test_a_session_without_any_pose_still_gets_a_page(tmp_path):
+    recording = make_recording()
+    interaction = without_poses(with_ball_joint(make_interaction(recording)))
+    recording = eqx.tree_at(
+        lambda item: (item.q, item.marker_residual, item.valid),
+        recording,
+        (
+            np.full_like(recording.q, np.nan),
+            np.full_like(recording.marker_residual, np.nan),
+            np.zeros_like(recording.valid),
+        ),
+    )
+    rollout = without_poses(make_rollout("flat", bump=False))
+    path = write_report(tmp_path / "report.html", session=recording, interactions=(interaction,), rollouts=(rollout,))
+    text = path.read_text(encoding="utf-8")
+    for words in ("no frame of measured (trial00), flat has a pose", "There is no contact event with an estimate",
+                  "there is no path to show", "no markers"):  # fmt: skip
+        assert words in text
+
+
+@pytest.mark.usefixtures("no_scene")
+def test_what_the_numbers_cover_is_said(tmp_path):
+    recording = make_recording()
+    interaction = make_interaction(recording)
+    metrics = {"estimate": {"wrist": {"true_compliance": 0.2345}, "MP": {"compliance": 1.0}}}
+    session = Session(name="two", subject="nobody", recordings=(recording, make_recording("trial01", seed=8)))
+    path = write_report(tmp_path / "report.html", session=session, interactions=(interaction,), metrics=metrics)
+    text = path.read_text(encoding="utf-8")
+    for words in ("largest vertical force, all 2 trials", "median marker residual, all 2 recordings", "was estimated",
+                  "biased: inertia, damping and planned deceleration; see the caution", "truth (virtual subject)",
+                  "0.234", "not stated", "Kry and Pai 2006"):  # fmt: skip
+        assert words in text
+    plain = write_report(tmp_path / "plain.html", interactions=(interaction,)).read_text(encoding="utf-8")
+    assert "virtual subject" not in plain

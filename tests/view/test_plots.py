@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from view.example_leg import with_ball_joint
 from view.example_records import (
     COMPLIANCE,
     coordinates,
@@ -90,13 +91,44 @@ def test_bad_requests_are_named(interaction):
         view.plot_path(None)
 
 
-def test_no_event_is_hidden(interaction):
+def test_no_event_is_hidden_and_no_bar_leaves_the_panel(interaction):
     per_event = interaction.per_event
     for axis, column in zip(view.plot_compliance(per_event, interaction.summary).axes, range(4), strict=True):
         low, high = axis.get_ylim()
         dots = [line for line in axis.lines if line.get_marker() not in ("None", None, "")]
-        assert len(dots) == int(np.isfinite(per_event.compliance[:, column]).sum())
-        assert all(low < float(line.get_ydata()[0]) < high for line in dots)
+        numbers = np.arange(1, len(per_event.onset) + 1)
+        np.testing.assert_array_equal([float(line.get_xdata()[0]) for line in dots], numbers)
+        assert all(low < np.min(line.get_ydata()) and np.max(line.get_ydata()) < high for line in axis.lines)
+        for event, dot in enumerate(dots):
+            usable = per_event.status[event, column] < 2
+            height = float(dot.get_ydata()[0])
+            if usable:
+                assert height == per_event.compliance[event, column]
+            else:
+                assert height < low + 0.1 * (high - low)
+                assert dot.get_markerfacecolor() == "white"
+
+
+def test_heights_are_those_of_the_world_and_the_measured_path_lies_on_top(interaction, bump):
+    axis = view.plot_path(interaction, (bump,)).axes[0]
+    model = interaction.model
+    lowest = _skeleton.pad_path(model, interaction.q)[:, 2] - float(np.asarray(model.pad_radius)[0])
+    measured = next(line for line in axis.lines if line.get_label() == "measured")
+    simulated = next(line for line in axis.lines if line.get_label() == "simulated")
+    np.testing.assert_allclose(measured.get_ydata(), 1e3 * lowest, atol=1e3 * ROUNDING)
+    assert axis.lines.index(measured) > axis.lines.index(simulated)
+    assert measured.is_dashed()
+
+
+def test_a_ball_joint_has_no_curve(interaction):
+    ball = with_ball_joint(interaction)
+    assert [joint.name for joint in view.scalar_joints(ball.model)] == ["rail", "knee"]
+    with pytest.raises(ValueError, match="ankle_x"):
+        view.plot_contact_event(ball, 0, "ankle_x")
+    top, bottom = view.plot_contact_event(ball, 0, "rail").axes
+    assert "(mm)" in top.get_ylabel()
+    assert "(N)" in bottom.get_ylabel()
+    assert len(view.plot_angles(ball).axes) == 2
 
 
 def test_contact_intervals_match_the_force(interaction):
