@@ -39,7 +39,7 @@ def run(
     """Scan `step` over the leading axis of `inputs`, `carry, output = step(carry, input)`.
 
     Without the three options it is one `lax.scan` and can be used inside any transformation. With one of them the
-    scan is cut into chunks of equal length (the last one padded, its padding skipped), so that `step` is still
+    scan is cut into chunks of equal length (the last one padded, its padding dropped), so that `step` is still
     traced once. Give `step` as an `eqx.Module` with a `__call__` and later runs of the same shapes reuse the
     compiled chunk.
 
@@ -64,7 +64,7 @@ def run(
         carry, outputs = _whole(step, carry, inputs)
         return Run(carry, outputs, total)
 
-    carry = jax.tree.map(jnp.asarray, carry)
+    carry = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.result_type(leaf)), carry)  # no weak types: one trace
     # Cut and joined in NumPy, no small programs to compile; in JAX where a derivative is on its way through.
     traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((step, carry, inputs)))
     numpy = jnp if traced else np
@@ -121,9 +121,8 @@ def _whole(step, carry, inputs):
 def _chunk(step, carry, inputs, wanted):
     def guarded(carry, item):
         want, x = item
-        shapes = jax.eval_shape(lambda: step(carry, x)[1])
-        skipped = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
-        return jax.lax.cond(want, lambda: step(carry, x), lambda: (carry, skipped))
+        after, output = step(carry, x)
+        return jax.tree.map(lambda new, old: jnp.where(want, new, old), after, carry), output
 
     return jax.lax.scan(guarded, carry, (wanted, inputs))
 
