@@ -106,13 +106,13 @@ def _record_scene(server: Any, record: Recording | Interaction | Rollout, shown:
     server.scene.configure_default_lights(enabled=True, cast_shadow=False)
     side = np.cross(up, along)
     server.initial_camera.look_at = focus
-    server.initial_camera.position = focus + size * (-2.7 * side + 0.9 * along + 1.0 * up)
+    server.initial_camera.position = focus + size * (-2.2 * side + 0.5 * along + 0.8 * up)
     server.initial_camera.fov = 0.6
     server.initial_camera.near = 0.02 * size
     _add_surfaces(server, shapes, focus, size, along)
     nodes = _add_body(server, record, "body", BODY_COLOUR, 0.62)
     largest = float(np.linalg.norm(shown.force, axis=-1).max(initial=0.0))
-    arrows = _Arrows(server, size, 1.0 * size / largest if largest > 0 else 0.0, shown.colour)
+    arrows = _Arrows(server, size, 0.5 * size / largest if largest > 0 else 0.0, shown.colour)
     quaternions = _quaternions(shown.rotation)
     ghost_positions = shown.position if shown.ghost_position is None else shown.ghost_position
     ghost_quaternions = quaternions if shown.ghost_rotation is None else _quaternions(shown.ghost_rotation)
@@ -156,7 +156,7 @@ class _Arrows:
     def __init__(self, server: Any, size: float, metres_per_newton: float, colours: np.ndarray):
         self.size, self.scale = size, metres_per_newton
         self.nodes: dict[tuple[int, tuple[int, int, int]], tuple[Any, Any, Any]] = {}
-        shaft, head = arrow_meshes(0.016 * size, 0.04 * size, 0.1 * size)
+        shaft, head = arrow_meshes(0.01 * size, 0.024 * size, 0.06 * size)
         for slot in range(colours.shape[1]):
             for colour in sorted({_tuple(value) for value in colours[:, slot]}):
                 path = "/force/{}-{:02x}{:02x}{:02x}".format(slot, *colour)
@@ -171,7 +171,7 @@ class _Arrows:
         for (slot, own), (node, shaft, head) in self.nodes.items():
             size = float(np.linalg.norm(force[slot]))
             length = size * self.scale
-            seen = length > 0.05 * self.size and bool(np.isfinite(point[slot]).all()) and _tuple(colour[slot]) == own
+            seen = length > 0.025 * self.size and bool(np.isfinite(point[slot]).all()) and _tuple(colour[slot]) == own
             node.visible = seen
             if seen:
                 node.position, node.wxyz = point[slot], _from_z(force[slot] / size)

@@ -15,6 +15,10 @@ CHUNK = 256
 """Frames a compiled call takes, so that records of any length share one compilation."""
 
 
+SHORTEST = 1e-4
+"""m; a segment shorter than this is not drawn."""
+
+
 class Bone(NamedTuple):
     """Tapered capsule fixed to a body, body frame, m."""
 
@@ -29,38 +33,41 @@ def bones(model: Model) -> tuple[Bone, ...]:
     """Capsules that stand for the segments of a model.
 
     A body reaches from its origin to the origin of each child body, or to its contact pads, or to twice its
-    centre of mass where it has neither. Thickness follows the pad where the model has one, else the length;
-    it is a picture, not a collision shape.
+    centre of mass where it has neither; a body whose frame sits at its child's origin (a forearm with its frame at
+    the wrist) reaches there from twice its centre of mass. Thickness follows the pad where the model has one, else
+    the length; it is a picture, not a collision shape.
 
     **Returns**: a tuple of `Bone`.
     """
     segments = _segments(model)
     if not segments:
         return ()
-    lengths = np.array([np.linalg.norm(end) for _, end, _ in segments])
+    lengths = np.array([np.linalg.norm(end - begin) for _, begin, end, _ in segments])
     typical = 0.14 * float(np.median(lengths))
     thin = float(np.min(np.asarray(model.pad_radius))) if len(model.pad_names) else 0.6 * typical
     made = []
-    for (body, end, pad), length in zip(segments, lengths, strict=True):
+    for (body, begin, end, pad), length in zip(segments, lengths, strict=True):
         start = thin * np.clip((length / lengths.min()) ** 0.45, 1.0, 1.9)
-        made.append(Bone(body, np.zeros(3), end, float(start), float(pad or 0.86 * start)))
+        made.append(Bone(body, begin, end, float(start), float(pad or 0.86 * start)))
     return tuple(made)
 
 
-def _segments(model: Model) -> list[tuple[int, np.ndarray, float | None]]:
-    """Body, end point in its frame and pad radius (if it ends in a pad) of every segment with a length."""
+def _segments(model: Model) -> list[tuple[int, np.ndarray, np.ndarray, float | None]]:
+    """Body, start and end point in its frame and pad radius (if it ends in a pad) of every segment with a length."""
     count = len(model.body_names)
     position = np.asarray(model.body_position, dtype=float)
-    found: list[tuple[int, np.ndarray, float | None]] = []
+    found: list[tuple[int, np.ndarray, np.ndarray, float | None]] = []
     for body in range(1, count):
         children = [child for child in range(1, count) if model.body_parents[child] == body]
         ends: list[tuple[np.ndarray, float | None]] = [(position[child], None) for child in children]
         for pad, owner in enumerate(model.pad_bodies):
             if owner == body:
                 ends.append((np.asarray(model.pad_centre[pad], dtype=float), float(model.pad_radius[pad])))
-        if not ends:
-            ends = [(2.0 * np.asarray(model.body_com[body], dtype=float), None)]
-        found += [(body, end, pad) for end, pad in ends if np.linalg.norm(end) > 1e-4]
+        far, origin = 2.0 * np.asarray(model.body_com[body], dtype=float), np.zeros(3)
+        made = [(body, origin, end, pad) for end, pad in ends if np.linalg.norm(end) > SHORTEST]
+        if not made and np.linalg.norm(far) > SHORTEST:
+            made = [(body, far, origin, None) if ends else (body, origin, far, None)]
+        found += made
     return found
 
 

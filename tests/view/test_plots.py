@@ -56,6 +56,15 @@ def test_pad_path_is_the_finger_tip():
     np.testing.assert_allclose(found, expected, atol=ROUNDING)
 
 
+def test_every_segment_of_the_finger_is_drawn():
+    model = finger()
+    drawn = {model.body_names[bone.body]: bone for bone in _skeleton.bones(model)}
+    assert set(drawn) == set(model.body_names) - {"world"}
+    # The forearm's frame sits at the wrist, so the segment ends there and starts behind it.
+    np.testing.assert_array_equal(drawn["forearm"].end, np.zeros(3))
+    assert drawn["forearm"].start[0] < -0.1
+
+
 def test_contact_figure_draws_the_fit_and_the_data(interaction):
     figure = view.plot_contact_event(interaction, 1, "MP")
     top, bottom = figure.axes
