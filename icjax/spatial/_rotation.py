@@ -21,7 +21,7 @@ def safe_norm(x: Float[Real, " n"]) -> Scalar:
 
 
 def rotation_exp(w: Vector3) -> Matrix3:
-    """Rotation by the vector `w` (rad): R = exp([w]) = I + sinc(a) [w] + (1 - cos a)/a^2 [w]^2, a = norm(w) (Rodrigues).
+    """Rotation by the vector `w` (rad): R = exp([w]) = I + sinc(a) [w] + (1 - cos a)/a^2 [w]^2, a = norm(w).
 
     **Arguments**: `w` axis times angle, rad. **Returns**: rotation matrix. Derivatives of every order exist at zero.
     """

@@ -3,9 +3,9 @@
 import json
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 from icjax.geometry import Ellipsoid, Plane
 from icjax.typing import Float, Real
@@ -82,7 +82,7 @@ class Scene(eqx.Module):
 
 
 def _concrete(value) -> bool:
-    return not isinstance(value, jax.core.Tracer)
+    return not isinstance(value, Tracer)
 
 
 def _numbers(shape: Plane | Ellipsoid) -> dict:
