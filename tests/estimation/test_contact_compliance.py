@@ -163,7 +163,10 @@ def test_another_contact_matters_only_where_it_loads_the_joint():
     two, _, _ = pressing(onsets=(0.43,), releases=(0.65,))
     q = np.concatenate([one.q, two.q], axis=1)
     aside = np.array([0.0, 0.1, 0.0])
-    join = lambda field: np.concatenate([getattr(one, field), getattr(two, field)], axis=1)  # noqa: E731
+
+    def join(field):
+        return np.concatenate([getattr(one, field), getattr(two, field)], axis=1)
+
     point = join("contact_point") + np.stack([np.zeros(3), aside])[None]
     both = recording(
         model,

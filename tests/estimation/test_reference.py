@@ -53,7 +53,10 @@ def test_reference_derivatives():
     """Forward = reverse = closed form for a hinge: d theta_r / d C = -tau."""
     model = chain()
     q, tau, compliance = jnp.zeros((2, 3)), jnp.array([[0.1, 0.2, 0.0], [0.0, -0.3, 0.1]]), jnp.ones((2, 3))
-    total = lambda c: jnp.sum(reference_trajectory(model, q, tau, c))  # noqa: E731
+
+    def total(c):
+        return jnp.sum(reference_trajectory(model, q, tau, c))
+
     np.testing.assert_allclose(jax.grad(total)(compliance), -tau, atol=1e-15)
     np.testing.assert_allclose(jax.jacfwd(total)(compliance), -tau, atol=1e-15)
 
