@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from icjax.capture._spec import ContactSpec, FilterSpec, SessionSpec, SourceSpec, SurfaceSpec, TrialSpec
-from icjax.capture._toml import Table, as_rotation, as_windows, read_toml
-from icjax.files import FileError
+from icjax.files import FileError, Table, as_numbers, as_rotation, read_toml
 from icjax.model import Model, index_finger, load_model
 from icjax.recording import ROLES
 
@@ -90,7 +89,7 @@ def _model(table: Table, path: Path) -> tuple[Model, str]:
     file = table.text("file", None)
     hand_length = table.number("hand_length", None, above=0.0)
     root = table.choice("root", ["free", "fixed"], None)
-    strip = table.take("strip", lambda value: value if isinstance(value, bool) else _refuse(), "true or false", False)
+    strip = table.flag("strip", False)
     if (builtin is None) == (file is None):
         raise table.error("needs either the key 'builtin' or the key 'file'")
     if builtin is None:
@@ -104,16 +103,6 @@ def _model(table: Table, path: Path) -> tuple[Model, str]:
         return index_finger(hand_length or 0.19, root or "free"), builtin
     except ValueError as error:
         raise table.error(str(error)) from error
-
-
-def _refuse() -> Any:
-    raise ValueError
-
-
-def _count(value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        raise ValueError
-    return value
 
 
 def _markers(table: Table, model: Model) -> tuple[tuple[str, str], ...]:
@@ -174,7 +163,7 @@ def _source(table: Table) -> SourceSpec:
     plate = None
     channels: tuple[str, ...] = ()
     if kind == "force_plate":
-        plate = table.take("plate", _count, "a whole number from 1 on")
+        plate = table.whole("plate", least=1)
     else:
         channels = table.texts("channels")
         if len(channels) != CHANNELS[kind]:
@@ -199,7 +188,7 @@ def _source(table: Table) -> SourceSpec:
         rotation=rotation,
         sign=sign,
         surface=None if surface is None else _surface(surface),
-        tare=table.take("tare", as_windows, "an interval [from, to] in s, or a list of them", ()),
+        tare=table.take("tare", _windows, "an interval [from, to] in s, or a list of them", ()),
     )
     table.close()
     return spec
@@ -239,8 +228,8 @@ def _trial(table: Table, folder: Path, model: Model, sources: tuple[SourceSpec, 
         markers=_existing(table, folder, file or markers, "file" if file else "markers"),
         forces=None if forces is None else _existing(table, folder, forces, "forces"),
         touches=pairs,
-        friction=table.number("friction", None, above=-1e-300),
-        tare=table.take("tare", as_windows, "an interval [from, to] in s, or a list of them", None),
+        friction=table.number("friction", None, least=0.0),
+        tare=table.take("tare", _windows, "an interval [from, to] in s, or a list of them", None),
     )
     table.close()
     return spec
@@ -265,3 +254,14 @@ def _named(lookup: Any, name: str) -> str:
     except ValueError as error:
         return str(error)
     return ""
+
+
+def _windows(value: Any) -> tuple[tuple[float, float], ...]:
+    """One interval [from, to] or a list of them, s. **Errors**: `ValueError`."""
+    if not isinstance(value, list) or not value:
+        raise ValueError
+    items = value if isinstance(value[0], list) else [value]
+    windows = tuple(as_numbers(item, 2) for item in items)
+    if any(end <= start for start, end in windows):
+        raise ValueError
+    return tuple((start, end) for start, end in windows)

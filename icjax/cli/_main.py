@@ -1,5 +1,6 @@
 """Entry point: parse, set up JAX, run the verb, turn an error of the user's into one line and exit code 2."""
 
+import gc
 import os
 import sys
 from pathlib import Path
@@ -58,12 +59,15 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def configure_jax() -> None:
-    """float64, and compiled programs kept between runs (the command line's choice, never the library's)."""
+    """The command line's choices, never the library's: float64, compiled programs kept between runs, few collections."""
     # A third of the compile time for programs that run for a second or two; read when JAX starts.
     if "xla_backend_optimization_level" not in os.environ.get("XLA_FLAGS", ""):
         os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} --xla_backend_optimization_level=1".strip()
     import jax
 
+    # Tracing makes many small objects that live long; the standard thresholds have the collector visit all of them
+    # again and again, a tenth of a run.
+    gc.set_threshold(50_000, 50, 1000)
     jax.config.update("jax_enable_x64", True)
     cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "icjax"
     jax.config.update("jax_compilation_cache_dir", os.environ.get("JAX_COMPILATION_CACHE_DIR", str(cache)))

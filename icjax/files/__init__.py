@@ -14,4 +14,8 @@ from icjax.files._records import record_kind as record_kind
 from icjax.files._records import save_record as save_record
 from icjax.files._records import static as static
 from icjax.files._sto import read_sto as read_sto
+from icjax.files._toml import Table as Table
+from icjax.files._toml import as_numbers as as_numbers
+from icjax.files._toml import as_rotation as as_rotation
+from icjax.files._toml import read_toml as read_toml
 from icjax.files._trc import read_trc as read_trc

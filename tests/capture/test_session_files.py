@@ -146,7 +146,11 @@ def test_check_suspects_a_wrong_unit(tmp_path):
         ),
         ("markers = 20.0", "markers = 200.0", "[filter] key 'markers': 200 Hz is too high for the 500 Hz of trial"),
         ("markers = 20.0", "events = 400.0", "[filter] key 'events': 400 Hz is too high for the 1000 Hz of trial"),
-        ('kind = "six_axis"', 'kind = "force_plate"\nplate = 1.7', "key 'plate' must be a whole number from 1 on, not"),
+        (
+            'kind = "six_axis"',
+            'kind = "force_plate"\nplate = 1.7',
+            "key 'plate' must be a whole number of at least 1, not",
+        ),
         ("markers = 20.0", "markers = -1.0", "[filter] key 'markers' must be a number above 0, not -1.0"),
         ('name = "plate"\n', 'name = "plate"\nsort = 1\n', "[[source]] 1 'plate': has the unknown key 'sort'"),
         ('"Tz"]', "]", "key 'channels' lists 5 channels; kind 'six_axis' needs 6"),

@@ -47,22 +47,22 @@ def test_read(tmp_path):
 
 
 BAD = {
-    "toml": ("name =", "name", "is no valid TOML"),
-    "top key": ('name = "bumpy"', "nmae = 1", "unknown key 'nmae'"),
-    "surface key": ("normal = [0, 0, 2]", "normal = [0, 0, 2]\nradius = 1", r"\[surface 1\] unknown key 'radius'"),
-    "shape": ('"ellipsoid"', '"cube"', r"\[surface 2\] shape must be one of plane, ellipsoid; got 'cube'"),
-    "missing": ("centre = [0.1, 0.2, 0.3]", "", r"\[surface 2\] centre is missing"),
-    "size": ("[0.1, 0.2, 0.3]", "[0.1, 0.2]", r"\[surface 2\] centre must be 3 finite numbers"),
-    "text": ("[0.1, 0.2, 0.3]", '"here"', r"\[surface 2\] centre must be 3 finite numbers"),
-    "radii": ("0.003]", "0.0]", r"\[surface 2\] radii must be more than 0 m"),
-    "normal": ("[0, 0, 2]", "[0, 0, 0]", r"\[surface 1\] normal must not be zero"),
-    "rotation": ("[0, 0, 1]]", "[0, 0, -1]]", r"\[surface 2\] rotation is not a rotation matrix"),
-    "friction": ("friction = 0.4", "friction = -0.4", r"\[surface 2\] friction must be a number of at least 0"),
-    "no friction": ("friction = 0.9", "", r"\[surface 1\] friction is missing"),
-    "name": ('name = "plate"', 'name = "bump"', r"\[surface 2\] name 'bump' is taken"),
-    "facets": ("facets = 6", "facets = 1", "facets must be a whole number of at least 2"),
-    "step": ("step = 0.001", "step = 0", "step must be more than 0 s"),
-    "infinite": ("step = 0.001", "step = inf", "step must be a number"),
+    "toml": ("name =", "name", "is not valid TOML"),
+    "top key": ('name = "bumpy"', "nmae = 1", "unknown key 'nmae'; did you mean 'name'"),
+    "surface key": ("normal = [0, 0, 2]", "normal = [0, 0, 2]\nradius = 1", "1 'plate': has the unknown key 'radius'"),
+    "shape": ('"ellipsoid"', '"cube"', "2 'bump': key 'shape' must be one of 'plane', 'ellipsoid', not 'cube'"),
+    "missing": ("centre = [0.1, 0.2, 0.3]", "", "2 'bump': needs the key 'centre'"),
+    "size": ("[0.1, 0.2, 0.3]", "[0.1, 0.2]", "2 'bump': key 'centre' must be three numbers"),
+    "text": ("[0.1, 0.2, 0.3]", '"here"', "2 'bump': key 'centre' must be three numbers"),
+    "radii": ("0.003]", "0.0]", "2 'bump': key 'radii' must be more than 0 m"),
+    "normal": ("[0, 0, 2]", "[0, 0, 0]", "1 'plate': key 'normal' must not be zero"),
+    "rotation": ("[0, 0, 1]]", "[0, 0, -1]]", "2 'bump': key 'rotation' must be three rows of a rotation matrix"),
+    "friction": ("friction = 0.4", "friction = -0.4", "2 'bump': key 'friction' must be a number of at least 0"),
+    "no friction": ("friction = 0.9", "", "1 'plate': needs the key 'friction'"),
+    "name": ('name = "plate"', 'name = "bump"', "2: the name 'bump' is taken"),
+    "facets": ("facets = 6", "facets = 1", "key 'facets' must be a whole number of at least 2"),
+    "step": ("step = 0.001", "step = 0", "key 'step' must be a number above 0"),
+    "infinite": ("step = 0.001", "step = inf", "key 'step' must be a number"),
 }
 
 

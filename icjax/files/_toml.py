@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from icjax.files import FileError
+from icjax.files._errors import FileError
 
 REQUIRED: Any = object()
 """Marks a key without default."""
@@ -66,20 +66,43 @@ class Table:
 
         return self.take(key, check, "one of " + ", ".join(f"'{item}'" for item in options), default)
 
-    def number(self, key: str, default: Any = REQUIRED, *, above: float = -np.inf) -> Any:
-        """A finite number."""
+    def number(self, key: str, default: Any = REQUIRED, *, above: float = -np.inf, least: float = -np.inf) -> Any:
+        """A finite number `above` one bound or at `least` another."""
 
         def check(value: Any) -> float:
-            number = _number(value)
-            if not number > above:
+            number = as_numbers([value], 1)[0]
+            if not (number > above and number >= least):
                 raise ValueError
             return number
 
-        return self.take(key, check, "a number" + (f" above {above:g}" if np.isfinite(above) else ""), default)
+        bounds = (f" above {above:g}" if np.isfinite(above) else "") + (
+            f" of at least {least:g}" if np.isfinite(least) else ""
+        )
+        return self.take(key, check, "a number" + bounds, default)
+
+    def whole(self, key: str, default: Any = REQUIRED, *, least: int = 0) -> Any:
+        """A whole number of at least `least`."""
+
+        def check(value: Any) -> int:
+            if isinstance(value, bool) or not isinstance(value, int) or value < least:
+                raise ValueError
+            return value
+
+        return self.take(key, check, f"a whole number of at least {least}", default)
+
+    def flag(self, key: str, default: Any = REQUIRED) -> Any:
+        """True or false."""
+
+        def check(value: Any) -> bool:
+            if not isinstance(value, bool):
+                raise ValueError
+            return value
+
+        return self.take(key, check, "true or false", default)
 
     def vector(self, key: str, default: Any = REQUIRED) -> Any:
         """Three numbers."""
-        return self.take(key, lambda value: _numbers(value, 3), "three numbers", default)
+        return self.take(key, lambda value: as_numbers(value, 3), "three numbers", default)
 
     def texts(self, key: str, default: Any = REQUIRED) -> Any:
         """A list of texts."""
@@ -139,35 +162,22 @@ def _texts(value: Any) -> tuple[str, ...]:
     return tuple(_text(item) for item in value)
 
 
-def _number(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise ValueError
-    return float(value)
-
-
-def _numbers(value: Any, count: int) -> tuple[float, ...]:
+def as_numbers(value: Any, count: int) -> tuple[float, ...]:
+    """A list of so many finite numbers. **Errors**: `ValueError`."""
     if not isinstance(value, list) or len(value) != count:
         raise ValueError
-    return tuple(_number(item) for item in value)
+    for item in value:
+        if isinstance(item, bool) or not isinstance(item, int | float) or not np.isfinite(item):
+            raise ValueError
+    return tuple(float(item) for item in value)
 
 
 def as_rotation(value: Any) -> tuple[tuple[float, ...], ...]:
     """Three rows of a proper rotation matrix. **Errors**: `ValueError`."""
     if not isinstance(value, list) or len(value) != 3:
         raise ValueError
-    rows = tuple(_numbers(row, 3) for row in value)
+    rows = tuple(as_numbers(row, 3) for row in value)
     matrix = np.array(rows)
     if not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-6) or np.linalg.det(matrix) < 0:
         raise ValueError
     return rows
-
-
-def as_windows(value: Any) -> tuple[tuple[float, float], ...]:
-    """One interval [from, to] or a list of them, s. **Errors**: `ValueError`."""
-    if not isinstance(value, list) or not value:
-        raise ValueError
-    items = value if isinstance(value[0], list) else [value]
-    windows = tuple(_numbers(item, 2) for item in items)
-    if any(end <= start for start, end in windows):
-        raise ValueError
-    return tuple((start, end) for start, end in windows)
