@@ -59,7 +59,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def configure_jax() -> None:
-    """The command line's choices, never the library's: float64, compiled programs kept between runs, few collections."""
+    """float64, kept compilations, few garbage collections: the command line's choices, never the library's."""
     # A third of the compile time for programs that run for a second or two; read when JAX starts.
     if "xla_backend_optimization_level" not in os.environ.get("XLA_FLAGS", ""):
         os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} --xla_backend_optimization_level=1".strip()

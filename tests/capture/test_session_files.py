@@ -149,7 +149,7 @@ def test_check_suspects_a_wrong_unit(tmp_path):
         (
             'kind = "six_axis"',
             'kind = "force_plate"\nplate = 1.7',
-            "key 'plate' must be a whole number of at least 1, not",
+            "key 'plate' must be a whole number of at least 1",
         ),
         ("markers = 20.0", "markers = -1.0", "[filter] key 'markers' must be a number above 0, not -1.0"),
         ('name = "plate"\n', 'name = "plate"\nsort = 1\n', "[[source]] 1 'plate': has the unknown key 'sort'"),
