@@ -3,6 +3,7 @@
 from icjax.capture._capture import capture as capture
 from icjax.capture._capture import capture_trial as capture_trial
 from icjax.capture._check import check as check
+from icjax.capture._check_recording import check_recording as check_recording
 from icjax.capture._plates import plate_frame as plate_frame
 from icjax.capture._plates import plate_wrench as plate_wrench
 from icjax.capture._session_file import read_session as read_session

@@ -1,5 +1,6 @@
 """From a recording to an interaction trajectory: joint torque, compliance at contact, reference trajectory."""
 
+from icjax.estimation._check_interaction import check_interaction as check_interaction
 from icjax.estimation._contact_compliance import compliance_at_contact as compliance_at_contact
 from icjax.estimation._estimate import estimate as estimate
 from icjax.estimation._joints import compliant_dofs as compliant_dofs

@@ -4,6 +4,9 @@ from icjax.files._c3d import read_c3d as read_c3d
 from icjax.files._c3d_write import write_c3d as write_c3d
 from icjax.files._csv import read_csv as read_csv
 from icjax.files._errors import FileError as FileError
+from icjax.files._layout import LayoutEntry as LayoutEntry
+from icjax.files._layout import layout as layout
+from icjax.files._layout import layout_problems as layout_problems
 from icjax.files._motion import ForcePlate as ForcePlate
 from icjax.files._motion import MotionEvent as MotionEvent
 from icjax.files._motion import MotionFile as MotionFile

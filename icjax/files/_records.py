@@ -30,6 +30,9 @@ Record = TypeVar("Record", bound=eqx.Module)
 FORMAT = "icjax-record"
 VERSION = 1
 
+KINDS = ("float64", "float32", "int64", "int32", "int16", "int8", "bool")
+"""Types of numbers that a variable's attribute `kind` may name; booleans are stored as int8."""
+
 
 def labelled(*dims: str, unit: str, doc: str = "") -> Any:
     """Field that holds an array with the named dimensions, in the given SI unit ("1" where there is none)."""
@@ -90,11 +93,13 @@ def load_record(path: str | os.PathLike, kind: type[Record]) -> Record:
         with h5netcdf.File(path, "r") as file:
             if file.attrs.get("format") != FORMAT:
                 raise FileError(path, "is not an icjax record (no attribute format = 'icjax-record')")
+            if file.attrs.get("version") != VERSION:
+                raise FileError(path, f"has version {file.attrs.get('version')} of the layout; this is {VERSION}")
             found = file.attrs.get("record")
             if found != kind.__name__:
                 raise FileError(path, f"holds a {found}, not a {kind.__name__}")
             return _read(file, kind, path)
-    except (OSError, KeyError, ValueError, RuntimeError) as error:
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
         if isinstance(error, FileError):
             raise
         raise FileError(path, f"is damaged or incomplete: {error}") from error
@@ -193,13 +198,20 @@ def _read(group: Any, kind: type, path: Path) -> Any:
 
 
 def _read_nested(group: Any, hint: Any, path: Path) -> Any:
+    record, repeated = nested_record(hint)
+    if repeated:
+        return tuple(_read(group[str(index)], record, path) for index in range(int(group.attrs["length"])))
+    return _read(group, record, path)
+
+
+def nested_record(hint: Any) -> tuple[type, bool]:
+    """Record class behind the type of a field, and whether the field is a tuple of them."""
     origin = typing.get_origin(hint)
     if origin is tuple:
-        item = typing.get_args(hint)[0]
-        return tuple(_read(group[str(index)], item, path) for index in range(int(group.attrs["length"])))
+        return typing.get_args(hint)[0], True
     if origin in (typing.Union, types.UnionType):
-        hint = next(option for option in typing.get_args(hint) if option is not type(None))
-    return _read(group, hint, path)
+        return next(option for option in typing.get_args(hint) if option is not type(None)), False
+    return hint, False
 
 
 def _read_array(group: Any, name: str, path: Path) -> np.ndarray:
@@ -208,6 +220,8 @@ def _read_array(group: Any, name: str, path: Path) -> np.ndarray:
     variable = group.variables[name]
     value = np.asarray(variable[...])
     kind = variable.attrs["kind"]
+    if kind not in KINDS:
+        raise FileError(path, f"variable {name} has the attribute kind = {kind!r}, none of {', '.join(KINDS)}")
     return value.astype(bool) if kind == "bool" else value.astype(kind, copy=False)
 
 
