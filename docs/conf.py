@@ -1,11 +1,16 @@
 """Sphinx configuration: MyST pages, executed examples, API from the docstrings."""
 
+import importlib
 import os
 
 os.environ.setdefault("JAX_ENABLE_X64", "1")
 os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=1")
 
+from docutils import nodes
+from sphinx.util.docutils import SphinxDirective
+
 from icjax import __version__
+from icjax.files import layout
 
 project = "icjax"
 author = "The icjax developers"
@@ -26,3 +31,37 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 autodoc_default_options = {"members": True, "show-inheritance": False}
 default_role = "code"
+
+
+class RecordLayout(SphinxDirective):
+    """Table of every entry in the file of a record class, from its declaration."""
+
+    required_arguments = 1
+
+    def run(self):
+        module, _, name = self.arguments[0].rpartition(".")
+        rows = [("entry", "sort", "dimensions", "unit", "meaning")]
+        for entry in layout(getattr(importlib.import_module(module), name)):
+            rows.append((entry.path, entry.sort, ", ".join(entry.dims), entry.unit, entry.doc))
+        return [_table(rows)]
+
+
+def _table(rows):
+    group = nodes.tgroup(cols=len(rows[0]))
+    group += [nodes.colspec(colwidth=width) for width in (30, 10, 18, 12, 30)]
+    head, body = nodes.thead(), nodes.tbody()
+    for index, cells in enumerate(rows):
+        row = nodes.row()
+        for column, text in enumerate(cells):
+            inline = nodes.literal(text=text) if index and column == 0 else nodes.Text(text)
+            row += nodes.entry("", nodes.paragraph("", "", inline))
+        if index:
+            body += row
+        else:
+            head += row
+    group += [head, body]
+    return nodes.table("", group)
+
+
+def setup(app):
+    app.add_directive("record-layout", RecordLayout)

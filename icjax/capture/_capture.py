@@ -19,6 +19,9 @@ from icjax.files import FileError, MotionFile
 from icjax.model import Model
 from icjax.recording import ContactEvents, Recording, SensorChannels, Session
 
+FARTHEST = 1e3
+"""m; no laboratory is larger."""
+
 
 def capture(
     spec: SessionSpec, progress: Callable[[float], object] | None = None, trials: tuple[str, ...] | None = None
@@ -129,6 +132,13 @@ def session_markers(spec: SessionSpec, motion: MotionFile, path: Path) -> tuple[
         columns.append(motion.marker(name))
         if not np.isfinite(columns[-1]).all(axis=1).any():
             raise FileError(path, f"marker '{name}' is missing in every frame")
+        far = np.abs(np.nan_to_num(columns[-1])).max(axis=1) > FARTHEST
+        if far.any():
+            frame = int(np.argmax(far))
+            place = ", ".join(f"{value:g}" for value in columns[-1][frame])
+            raise FileError(
+                path, f"marker '{name}' is at ({place}) m at {motion.marker_time[frame]:g} s; is the unit right?"
+            )
     return names, np.stack(columns, axis=1)
 
 

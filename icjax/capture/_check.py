@@ -1,13 +1,11 @@
 """What a session means, in words, and what looks wrong in its files."""
 
-import dataclasses
-
 import numpy as np
 
 from icjax.capture._capture import session_markers
+from icjax.capture._check_forces import force_findings
 from icjax.capture._load import load_trial
-from icjax.capture._sensors import sensor_wrench
-from icjax.capture._spec import SessionSpec, SourceSpec, TrialSpec
+from icjax.capture._spec import SessionSpec, SourceSpec
 from icjax.files import FileError, MotionFile
 
 ERROR, SUSPICIOUS = "error: ", "suspicious: "
@@ -18,12 +16,6 @@ EXTENT = (0.001, 50.0)
 
 MANY_GAPS = 0.2
 """Share of frames without a marker from which on it is worth a line of its own."""
-
-BASELINE = 10.0
-"""An unloaded force above ten times the noise is an offset worth knowing (it is subtracted)."""
-
-FLAT_TOP = 10
-"""Successive samples that equal the largest value of a channel: it saturates."""
 
 
 def check(spec: SessionSpec) -> list[str]:
@@ -50,8 +42,11 @@ def check(spec: SessionSpec) -> list[str]:
         try:
             motion = load_trial(spec, trial)
             lines += [f"trial '{trial.name}' ({trial.role}): {text}" for text in _understood(spec, motion)]
-            doubts = _marker_doubts(spec, motion) + _force_doubts(spec, trial, motion)
+            forces = force_findings(spec, trial, motion)
+            lines += [f"trial '{trial.name}': {text}" for text in forces.notes]
+            doubts = _marker_doubts(spec, motion) + forces.doubts
             lines += [f"{SUSPICIOUS}trial '{trial.name}': {text}" for text in doubts]
+            lines += [f"{ERROR}{spec.path}: [[trial]] '{trial.name}': {text}" for text in forces.errors]
             session_markers(spec, motion, trial.markers)
         except FileError as error:
             lines.append(f"{ERROR}{error}")
@@ -130,54 +125,3 @@ def _marker_doubts(spec: SessionSpec, motion: MotionFile) -> list[str]:
             if not EXTENT[0] <= extent <= EXTENT[1]:
                 doubts.append(f"markers spread over {extent:g} m; is the unit {motion.marker_unit or '?'} right?")
     return doubts
-
-
-def _force_doubts(spec: SessionSpec, trial: TrialSpec, motion: MotionFile) -> list[str]:
-    doubts = []
-    for name, _ in trial.touches:
-        source = spec.source(name)
-        sensor = sensor_wrench(motion, trial, source, spec.path)
-        used = motion.plates[source.plate - 1].channels if source.plate else _columns(motion, source)
-        for column in used:
-            channel = motion.analog[:, column]
-            label = motion.analog_names[column]
-            if not np.isfinite(channel).any():
-                doubts.append(f"channel '{label}' is empty")
-                continue
-            if float(np.nanstd(channel)) == 0:
-                doubts.append(f"channel '{label}' is constant")
-            elif _saturates(channel):
-                doubts.append(
-                    f"channel '{label}' stays at its largest value {np.nanmax(np.abs(channel)):g}; saturated?"
-                )
-        if sensor.unloaded.any():
-            quiet = sensor.wrench[sensor.unloaded, 3:]
-            offset = np.linalg.norm(_untared(spec, trial, motion, source)[sensor.unloaded, 3:].mean(axis=0))
-            noise = float(np.sqrt(np.mean(np.var(quiet, axis=0))))
-            if noise > 0 and offset > BASELINE * noise:
-                doubts.append(f"source '{name}' reads {offset:.3g} N unloaded (noise {noise:.2g} N); tared")
-            size = np.linalg.norm(sensor.wrench[:, 3:], axis=1)
-            if trial.role == "trial" and np.nanmax(size) < BASELINE * noise:
-                doubts.append(f"source '{name}' is never loaded")
-    return doubts
-
-
-def _untared(spec: SessionSpec, trial: TrialSpec, motion: MotionFile, source: SourceSpec) -> np.ndarray:
-    return sensor_wrench(
-        motion, dataclasses.replace(trial, tare=()), dataclasses.replace(source, tare=()), spec.path
-    ).wrench
-
-
-def _columns(motion: MotionFile, source: SourceSpec) -> tuple[int, ...]:
-    return tuple(motion.analog_names.index(name) for name in source.channels)
-
-
-def _saturates(channel: np.ndarray) -> bool:
-    """Whether a channel rests at one of its extremes."""
-    for extreme in (np.nanmax(channel), np.nanmin(channel)):
-        at = np.concatenate([[0], (channel == extreme).astype(int), [0]])
-        edges = np.diff(at)
-        lengths = np.flatnonzero(edges == -1) - np.flatnonzero(edges == 1)
-        if extreme != 0 and len(lengths) and lengths.max() >= FLAT_TOP:
-            return True
-    return False

@@ -3,10 +3,12 @@
 import json
 from collections.abc import Iterator
 
+import equinox as eqx
+import jax
 import numpy as np
 
 from icjax.capture._check import ERROR, EXTENT, SUSPICIOUS
-from icjax.model import Model
+from icjax.model import Model, pad_positions
 from icjax.recording import ROLES, Recording, Session
 
 UNIT = 1e-6
@@ -17,6 +19,15 @@ SLOW = 200.0
 
 LARGE_RESIDUAL = 0.01
 """m RMS; markers farther than this from the model belong to another model or map."""
+
+PLACEMENTS = 3.0
+"""Markers whose RMS distance to the model is this many times the stated placement (of three axes) do not fit it."""
+
+SAMPLED = 64
+"""Frames of contact at which its point is compared with the pad."""
+
+FAR_FROM_PAD = 0.02
+"""m; a fingertip's contact lies within millimetres of its pad."""
 
 LARGE_FORCE = 5e3
 """N; six times the weight of a heavy person."""
@@ -129,8 +140,14 @@ def _poses(recording: Recording) -> Iterator[Finding]:
     residual = residual[np.isfinite(residual)]
     if residual.size:
         rms = float(np.sqrt(np.mean(residual**2)))
-        if rms > LARGE_RESIDUAL:
-            yield SUSPICIOUS, f"markers lie {1e3 * rms:.1f} mm RMS from the model: another map, unit or size?"
+        stated = _stated(recording, "placement_sd_m")
+        if rms > LARGE_RESIDUAL or (stated and rms > PLACEMENTS * 3**0.5 * stated):
+            per_marker = np.sqrt(np.nanmean(np.asarray(recording.marker_residual)[valid] ** 2, axis=0))
+            worst = recording.marker_names[int(np.nanargmax(per_marker))]
+            yield (
+                SUSPICIOUS,
+                f"markers lie {1e3 * rms:.1f} mm RMS from the model, '{worst}' most: wrong map, unit or size?",
+            )
     markers = np.asarray(recording.markers).reshape(-1, 3)
     markers = markers[np.isfinite(markers).all(axis=1)]
     if len(markers):
@@ -158,7 +175,17 @@ def _contacts(recording: Recording) -> Iterator[Finding]:
             )
         elif on.any() and np.linalg.norm(force[on, index], axis=1).max() > LARGE_FORCE:
             yield SUSPICIOUS, f"contact_force of '{name}' exceeds {LARGE_FORCE:g} N; it must be in N"
+        far = _beside_pad(recording, index)
+        if far > FAR_FROM_PAD:
+            body = recording.contact_bodies[index]
+            yield (
+                SUSPICIOUS,
+                f"the contact point of '{name}' lies {1e3 * far:.0f} mm beside the pad of {body} (median): "
+                "is the source's position, rotation or sign right?",
+            )
     yield from _events(recording)
+    if recording.role == "catch" and touching.any():
+        yield SUSPICIOUS, "something touches in this catch trial"
     if recording.role == "trial" and recording.contact_names and not touching.any():
         yield SUSPICIOUS, "nothing touches in this trial"
 
@@ -176,3 +203,31 @@ def _events(recording: Recording) -> Iterator[Finding]:
                 ERROR,
                 f"event {number} lasts from {start:g} to {stop:g} s, in a recording of {time[0]:g} to {time[-1]:g} s",
             )
+
+
+def _beside_pad(recording: Recording, contact: int) -> float:
+    """m; median distance between a contact point and the nearest pad of the touched body, 0 without such a pad."""
+    model, on = recording.model, np.asarray(recording.touching)[:, contact] & np.asarray(recording.valid)
+    body = recording.contact_bodies[contact]
+    pads = [index for index, carrier in enumerate(model.pad_bodies) if model.body_names[carrier] == body]
+    if not pads or not on.any():
+        return 0.0
+    found = np.flatnonzero(on)
+    frames = found[np.linspace(0, len(found) - 1, SAMPLED).astype(int)]
+    centres = np.asarray(_pad_centres(model, np.asarray(recording.q)[frames]))[:, pads]
+    points = np.asarray(recording.contact_point)[frames, contact]
+    distance = np.linalg.norm(points[:, None] - centres, axis=2) - np.asarray(model.pad_radius)[pads]
+    return float(np.nanmedian(distance.min(axis=1)))
+
+
+@eqx.filter_jit
+def _pad_centres(model: Model, q):
+    return jax.vmap(lambda row: pad_positions(model, row))(q)
+
+
+def _stated(recording: Recording, key: str) -> float | None:
+    try:
+        value = json.loads(recording.provenance).get(key)
+    except (ValueError, AttributeError):
+        return None
+    return float(value) if isinstance(value, int | float) else None

@@ -5,10 +5,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from icjax.capture._filters import HIGHEST_CUTOFF
 from icjax.capture._spec import SessionSpec, TrialSpec
+from icjax.capture._trial_time import check_force_times, common_time, even_markers
 from icjax.files import FileError, MotionFile, read_c3d, read_csv, read_sto, read_trc
 
 READERS = {".c3d": read_c3d, ".trc": read_trc, ".sto": read_sto, ".mot": read_sto}
@@ -36,20 +35,13 @@ def load_trial(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
         )
     if not len(motion.marker_time):
         raise FileError(trial.markers, "holds no markers")
+    motion = even_markers(motion, trial.markers)
     force_file = trial.forces or trial.markers
-    for path, time, what in (
-        (trial.markers, motion.marker_time, "marker"),
-        (force_file, motion.analog_time, "analog"),
-    ):
-        wrong = np.flatnonzero(~(np.diff(time) > 0))
-        if len(wrong):
-            raise FileError(path, f"{what} time does not increase after sample {wrong[0] + 1} ({time[wrong[0]]:g} s)")
     if trial.touches and not motion.analog.size:
         raise FileError(force_file, f"holds no forces, but trial '{trial.name}' touches '{trial.touches[0][0]}'")
-    if trial.touches and (
-        motion.analog_time[0] > motion.marker_time[-1] or motion.analog_time[-1] < motion.marker_time[0]
-    ):
-        raise FileError(force_file, "forces and markers do not overlap in time")
+    if trial.touches:
+        check_force_times(motion, force_file)
+        motion = common_time(motion, force_file)
     for key in spec.filter.stated:
         rate = motion.marker_rate if key == "markers" else motion.analog_rate
         cutoff = getattr(spec.filter, key)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
+from icjax.capture._channel_units import EXPECTED, require_units
 from icjax.capture._plates import plate_frame, plate_wrench
 from icjax.capture._spec import SourceSpec, SurfaceSpec, TrialSpec
 from icjax.files import FileError, ForcePlate, MotionFile
@@ -53,6 +54,9 @@ def sensor_wrench(motion: MotionFile, trial: TrialSpec, source: SourceSpec, sess
         surface = source.surface or plate_surface(plate)
     else:
         channels = motion.channels(source.channels)
+        columns = [motion.analog_names.index(channel) for channel in source.channels]
+        units = tuple(motion.analog_units[column] for column in columns)
+        require_units(name, source.name, EXPECTED[source.kind], source.channels, units)
         pointed = source.kind == "force_at_point"
         used = (0, 1, 2, 6, 7, 8) if pointed else (0, 1, 2, 3, 4, 5)
         labels = tuple(source.channels[column] for column in used)

@@ -16,6 +16,9 @@ CHANNELS = {"six_axis": 6, "force_plate": 0, "force_at_point": 9}
 PLACEMENT_SD = 0.001
 """m; how well a marker sits on its site where the session does not say: one millimetre."""
 
+LEAST_CUTOFF = 0.1
+"""Hz; a lower cut-off leaves nothing of a movement."""
+
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -28,7 +31,7 @@ def read_session(path: str | os.PathLike) -> SessionSpec:
     """
     path = Path(path)
     top = Table(path, "", read_toml(path))
-    name = top.text("name", path.stem)
+    name = top.label("name", path.stem)
     subject = top.text("subject", "")
     folder = _folder(top, path)
     model_table = top.table("model")
@@ -75,7 +78,7 @@ def _folder(top: Table, path: Path) -> Path:
     def value(match: re.Match) -> str:
         variable = match.group(1)
         if variable not in os.environ:
-            raise FileError(path, f"key 'folder' uses the environment variable {variable}, which is not defined")
+            raise FileError(path, f"key 'folder' uses the environment variable {variable}, which is not set")
         return os.environ[variable]
 
     folder = path.parent / re.sub(r"\$\{(\w+)\}", value, given)
@@ -121,9 +124,9 @@ def _filter(table: Table | None) -> FilterSpec:
         return FilterSpec()
     standard = FilterSpec()
     spec = FilterSpec(
-        markers=table.number("markers", standard.markers, above=0.0),
-        forces=table.number("forces", standard.forces, above=0.0),
-        events=table.number("events", standard.events, above=0.0),
+        markers=table.number("markers", standard.markers, least=LEAST_CUTOFF),
+        forces=table.number("forces", standard.forces, least=LEAST_CUTOFF),
+        events=table.number("events", standard.events, least=LEAST_CUTOFF),
         stated=tuple(key for key in ("markers", "forces", "events") if key in table.content),
     )
     table.close()
@@ -150,15 +153,25 @@ def _contact(table: Table | None) -> ContactSpec:
 def _columns(table: Table | None) -> dict[str, Any]:
     if table is None:
         return {}
-    columns = dict(table.content)
-    for key in ("time", "markers", "length_unit", "channels", "units"):
-        table.take(key, lambda value: value, "", None)
+    columns: dict[str, Any] = {}
+    for key in ("time", "length_unit"):
+        if key in table.content:
+            columns[key] = table.text(key)
+    for key in ("channels", "units"):
+        if key in table.content:
+            columns[key] = dict(table.table(key).pairs())
+    if "markers" in table.content:
+        triples = table.table("markers")
+        columns["markers"] = {name: list(triples.texts(name)) for name in triples.content}
+        for name, triple in columns["markers"].items():
+            if len(triple) != 3:
+                raise triples.error(f"key '{name}' must list three columns")
     table.close()
     return columns
 
 
 def _source(table: Table) -> SourceSpec:
-    name = table.text("name")
+    name = table.label("name")
     kind = table.choice("kind", CHANNELS)
     plate = None
     channels: tuple[str, ...] = ()
@@ -204,7 +217,7 @@ def _surface(table: Table) -> SurfaceSpec:
 
 
 def _trial(table: Table, folder: Path, model: Model, sources: tuple[SourceSpec, ...]) -> TrialSpec:
-    name = table.text("name")
+    name = table.label("name")
     role = table.choice("role", ROLES, "trial")
     catch_of = table.text("catch_of", None)
     if (role == "catch") != (catch_of is not None):

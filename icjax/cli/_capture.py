@@ -17,7 +17,7 @@ class Capture:
     """Folder for recording.nc."""
 
     def run(self) -> None:
-        from icjax.capture import capture, read_session
+        from icjax.capture import capture, check_recording, read_session
         from icjax.cli._output import Steps
 
         steps = Steps(1)
@@ -32,6 +32,9 @@ class Capture:
                 f"{len(recording.events.onset)} contacts, marker residual {1e3 * rms:.2f} mm RMS, "
                 f"{int((~recording.valid).sum())} frames without pose"
             )
+        for line in check_recording(session):
+            if line.startswith(("suspicious: ", "error: ")):
+                print(line)
         print(f"wrote {path}")
 
 

@@ -13,6 +13,10 @@ LEVEL = 0.005
 """Largest spread in height of contact points that still count as on a level plate, m."""
 
 
+UPWARD = 0.5
+"""Cosine of the steepest angle between the mean contact force and the vertical that friction on a level plate gives."""
+
+
 def plate_scene(
     name: str,
     *,
@@ -46,6 +50,13 @@ def middle_of_contacts(interaction: Interaction) -> tuple[float, float, float]:
         raise ValueError(
             f"interaction {interaction.name!r}: its contact points lie between z = {low:.4f} and {high:.4f} m, not on "
             "a level plate; describe the surface in a scene file (--scene)"
+        )
+    force = np.nan_to_num(np.asarray(interaction.contact_force)).reshape(-1, 3).sum(axis=0)
+    if force[2] < UPWARD * np.linalg.norm(force):
+        direction = ", ".join(f"{value:.2f}" for value in force / max(np.linalg.norm(force), 1e-300))
+        raise ValueError(
+            f"interaction {interaction.name!r}: its contact forces point along ({direction}), not up along z, so they "
+            "are not those of a level plate; describe the surface in a scene file (--scene)"
         )
     x, y, z = np.median(points, axis=0)
     return float(x), float(y), float(z)

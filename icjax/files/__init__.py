@@ -22,3 +22,4 @@ from icjax.files._toml import as_numbers as as_numbers
 from icjax.files._toml import as_rotation as as_rotation
 from icjax.files._toml import read_toml as read_toml
 from icjax.files._trc import read_trc as read_trc
+from icjax.files._units import unit_kind as unit_kind

@@ -13,14 +13,19 @@ from icjax.files._errors import FileError
 REQUIRED: Any = object()
 """Marks a key without default."""
 
+LARGEST = 1e9
+"""No length, time, rate or mass of a laboratory is larger, in SI units; beyond it a typing error is likely."""
+
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The content of a TOML file. **Errors**: `FileError` when it is missing or not TOML, with the line."""
     if not path.is_file():
         raise FileError(path, "does not exist")
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except RecursionError:
+        raise FileError(path, "is not valid TOML: it is nested too deeply") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, ValueError) as error:
         raise FileError(path, f"is not valid TOML: {error}") from error
 
 
@@ -54,6 +59,16 @@ class Table:
     def text(self, key: str, default: Any = REQUIRED) -> Any:
         """A text that is not empty."""
         return self.take(key, _text, "a text", default)
+
+    def label(self, key: str, default: Any = REQUIRED) -> Any:
+        """A text that can be part of a file's name: no separators, not beginning with a dot."""
+
+        def check(value: Any) -> str:
+            if any(sign in _text(value) for sign in '/\\:*?"<>|') or value.startswith("."):
+                raise ValueError
+            return value
+
+        return self.take(key, check, 'a name without / \\ : * ? " < > | and not beginning with a dot', default)
 
     def choice(self, key: str, options: Iterable[str], default: Any = REQUIRED) -> Any:
         """One of several words."""
@@ -151,7 +166,7 @@ class Table:
 
 
 def _text(value: Any) -> str:
-    if not isinstance(value, str) or not value:
+    if not isinstance(value, str) or not value or not value.isprintable():
         raise ValueError
     return value
 
@@ -167,7 +182,7 @@ def as_numbers(value: Any, count: int) -> tuple[float, ...]:
     if not isinstance(value, list) or len(value) != count:
         raise ValueError
     for item in value:
-        if isinstance(item, bool) or not isinstance(item, int | float) or not np.isfinite(item):
+        if isinstance(item, bool) or not isinstance(item, int | float) or not abs(item) <= LARGEST:
             raise ValueError
     return tuple(float(item) for item in value)
 

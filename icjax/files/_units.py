@@ -39,6 +39,24 @@ ANALOG = {
 """SI units (N, Nm, V) in one unit of an analog channel, by the unit in lower case without blanks."""
 
 
+KINDS = {
+    "force": ("n", "kn", "mn", "lbf"),
+    "voltage": ("v", "volt", "volts", "mv", "uv"),
+}
+"""Units of `ANALOG` by quantity; the others are moments."""
+
+
+def unit_kind(unit: str) -> str | None:
+    """ "force", "moment", "length" or "voltage"; None if the unit is unknown or empty."""
+    spelled = unit.strip().lower().replace(" ", "")
+    for kind, members in KINDS.items():
+        if spelled in members:
+            return kind
+    if spelled in ANALOG:
+        return "moment"
+    return "length" if spelled in LENGTH else None
+
+
 def length_factor(unit: str) -> float | None:
     """Metres in one `unit`; None if the unit is unknown."""
     return LENGTH.get(unit.strip().lower())

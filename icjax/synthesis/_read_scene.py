@@ -36,7 +36,7 @@ def read_scene(path: str | os.PathLike) -> Scene:
     """
     path = Path(path)
     top = Table(path, "", read_toml(path))
-    name = top.text("name", path.stem)
+    name = top.label("name", path.stem)
     step = top.number("step", 0.002, above=0.0)
     facets = top.whole("facets", 4, least=2)
     friction = top.number("friction", None, least=0.0)
@@ -48,12 +48,15 @@ def read_scene(path: str | os.PathLike) -> Scene:
         if taken in names[:index]:
             raise FileError(path, f"[[surface]] {index + 1}: the name '{taken}' is taken by an earlier surface")
     top.close()
-    return Scene(name=name, surfaces=surfaces, facets=facets, step=step)
+    try:
+        return Scene(name=name, surfaces=surfaces, facets=facets, step=step)
+    except ValueError as error:
+        raise FileError(path, str(error)) from error
 
 
 def _surface(table: Table, friction: float | None) -> Surface:
     kind = table.choice("shape", SHAPES)
-    name = table.text("name", kind)
+    name = table.label("name", kind)
     friction = table.number("friction", friction, least=0.0)
     if friction is None:
         raise table.error("needs the key 'friction' (here or for the whole scene)")
@@ -69,4 +72,7 @@ def _surface(table: Table, friction: float | None) -> Surface:
         rows = table.take("rotation", as_rotation, "three rows of a rotation matrix", np.eye(3))
         shape = Ellipsoid(centre, np.array(rows), radii)
     table.close()
-    return Surface(name, shape, friction)
+    try:
+        return Surface(name, shape, friction)
+    except ValueError as error:
+        raise FileError(table.path, str(error)) from error

@@ -54,10 +54,11 @@ def transfer(interaction: Interaction, scene: Scene, progress: Callable[[float],
     **Returns**: a `Rollout` with a row every `scene.step` from the first time of the interaction to its last. Steps
     that were not solved are marked in `Rollout.status`.
 
-    **Errors**: `ValueError` for a model without pads, fewer than two samples, or a compliance or reference that is
+    **Errors**: `ValueError` for a model without pads, fewer than two samples, times that do not increase, more than
+    ten million steps, or a compliance or reference that is
     not finite, or a negative compliance, naming the degree of freedom and the time.
     """
-    _check(interaction)
+    _check(interaction, scene)
     model = interaction.model
     start, end = float(interaction.time[0]), float(interaction.time[-1])
     count = int(np.floor((end - start) / scene.step * (1.0 + 1e-12) + 1e-9)) + 1
@@ -76,9 +77,27 @@ def transfer(interaction: Interaction, scene: Scene, progress: Callable[[float],
     )
 
 
-def _check(interaction: Interaction) -> None:
-    if len(interaction.time) < 2:
-        raise ValueError(f"interaction {interaction.name!r} has {len(interaction.time)} samples; two are needed")
+MOST_STEPS = 10_000_000
+"""Five and a half hours at 2 ms; more is a mistake in the times or in the step."""
+
+
+def _check(interaction: Interaction, scene: Scene) -> None:
+    if not interaction.model.pad_names:
+        raise ValueError(
+            f"model {interaction.model.name!r} has no contact pads, so nothing of it can touch a surface; "
+            "a pad is a sphere geom whose name begins with 'pad'"
+        )
+    time = np.asarray(interaction.time)
+    if len(time) < 2:
+        raise ValueError(f"interaction {interaction.name!r} has {len(time)} samples; two are needed")
+    wrong = np.flatnonzero(~(np.diff(time) > 0))
+    if len(wrong) or not np.isfinite(time).all():
+        row = int(wrong[0]) if len(wrong) else 0
+        raise ValueError(f"interaction {interaction.name!r}: time does not increase after sample {row + 1}")
+    if (time[-1] - time[0]) / scene.step > MOST_STEPS:
+        raise ValueError(
+            f"step {scene.step:g} s divides {time[-1] - time[0]:g} s into more than {MOST_STEPS} steps; it is too short"
+        )
     compliance, reference = np.asarray(interaction.compliance), np.asarray(interaction.reference)
     bad = ~np.isfinite(compliance) | (compliance < 0)
     if bad.any():

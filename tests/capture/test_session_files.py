@@ -1,5 +1,6 @@
 """Bad input: one line that names the file and what is wrong in it, and nothing half written."""
 
+import json
 from pathlib import Path
 
 import jax
@@ -7,12 +8,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from icjax.capture import capture, check, read_session
+from icjax.capture import capture, check, check_recording, read_session
 from icjax.files import FileError, write_c3d
-from icjax.model import index_finger, integrate, neutral, site_positions
+from icjax.model import index_finger, integrate, neutral, pad_positions, site_positions
 from icjax.recording import Session
 
 MODEL = index_finger(0.19, "free")
+PRESSING = integrate(MODEL, neutral(MODEL), jnp.concatenate([jnp.zeros(6), jnp.full(4, 0.14)]))
+TIP = np.asarray(pad_positions(MODEL, PRESSING))[0]
+"""Of the posture in the middle of the press of `recording`, m."""
+
 CHANNELS = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 UNITS = ("N",) * 3 + ("Nm",) * 3
 
@@ -151,7 +156,7 @@ def test_check_suspects_a_wrong_unit(tmp_path):
             'kind = "force_plate"\nplate = 1.7',
             "key 'plate' must be a whole number of at least 1",
         ),
-        ("markers = 20.0", "markers = -1.0", "[filter] key 'markers' must be a number above 0, not -1.0"),
+        ("markers = 20.0", "markers = -1.0", "[filter] key 'markers' must be a number of at least 0.1, not -1.0"),
         ('name = "plate"\n', 'name = "plate"\nsort = 1\n', "[[source]] 1 'plate': has the unknown key 'sort'"),
         ('"Tz"]', "]", "key 'channels' lists 5 channels; kind 'six_axis' needs 6"),
         ('sign = "on_environment"\n', "", "[[source]] 1 'plate': needs the key 'sign'"),
@@ -241,3 +246,81 @@ def test_time_that_goes_backwards(tmp_path):
     np.savetxt(tmp_path / "one.csv", rows, delimiter=",", header=",".join(["time", *columns]), comments="")
     message = fails(path)
     assert "one.csv: time does not increase" in message
+
+
+def test_units_of_another_quantity_are_refused(tmp_path):
+    units = ("V", *UNITS[1:])
+    message = fails(write(tmp_path, analog_units=units))
+    assert "one.c3d: channel 'Fx' of source 'plate' is in 'V', a unit of voltage, not of force" in message
+
+
+def test_a_marker_at_an_impossible_place(tmp_path):
+    markers, _ = recording()
+    markers[37, 2] = [0.0, 5e6, 0.0]
+    message = fails(write(tmp_path, markers=markers))
+    assert f"marker '{MODEL.site_names[2]}' is at (0, 5e+06, 0) m at 0.074 s; is the unit right?" in message
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ('sign = "on_environment"', 'sign = "on_subject"', "'plate' pulls on its surface with up to "),
+        ("tare = [0.0, 0.2]", "tare = [0.0, 0.9]", "'plate' changes by "),
+    ],
+)
+def test_check_suspects_a_reversed_sign_and_a_loaded_tare(tmp_path, old, new, expected):
+    sound = "\n".join(check(read_session(write(tmp_path))))
+    assert "pulls" not in sound
+    assert "loaded?" not in sound
+    found = check(read_session(write(tmp_path, TEXT.replace(old, new))))
+    assert any(line.startswith("suspicious: trial 'one': source " + expected) for line in found), found
+
+
+def test_check_says_what_capture_would_refuse(tmp_path):
+    start, stop = TEXT.index("surface ="), TEXT.index("tare =")
+    text = (TEXT[:start] + TEXT[stop:]).replace('plate = "fingertip"', 'plate = "distal"')
+    path = write(tmp_path, text)
+    found = [line for line in check(read_session(path)) if line.startswith("error: ")]
+    assert any("source 'plate' needs a surface, or 'distal' must be a pad" in line for line in found)
+    assert "needs a surface of the source or a pad of the model" in fails(path)
+
+
+def test_markers_of_another_map_and_a_source_elsewhere_are_suspicious(tmp_path):
+    """A recording that cannot be right is captured, because a person may want to see it, and says so."""
+    first, last = MODEL.site_names[0], MODEL.site_names[-1]
+    swapped = [{first: last, last: first}.get(name, name) for name in MODEL.site_names]
+    found = check_recording(capture(read_session(write(tmp_path, marker_names=swapped)), trials=("one",)))
+    assert any("mm RMS from the model" in line and "wrong map" in line for line in found)
+    # The recorded force has no moment about the sensor, 0.18 m short of where the fingertip is.
+    found = check_recording(capture(read_session(write(tmp_path)), trials=("one",)))
+    assert any("mm beside the pad of distal" in line for line in found)
+    x, y, z = TIP
+    under = TEXT.replace("position = [0, 0, -0.026]", f"position = [{x}, {y}, {z - 0.03}]")
+    under = under.replace("point = [0, 0, 0]", f"point = [0, 0, {z - 0.0075}]")
+    found = check_recording(capture(read_session(write(tmp_path, under)), trials=("one",)))
+    assert not any("beside the pad" in line for line in found)
+
+
+@pytest.mark.parametrize(
+    ("columns", "expected"),
+    [
+        ("markers = 5", "needs"),
+        ('markers = { a = ["x", "y"] }', "[columns] markers key 'a' must list three columns"),
+        ("units = 3", "[columns] units must be a table of keys, not 3"),
+        ("length_unit = 5", "[columns] key 'length_unit' must be a text"),
+        ("channels = { Fx = 4 }", "[columns] channels key 'Fx' must be a text"),
+    ],
+)
+def test_columns_of_a_table_are_checked(tmp_path, columns, expected):
+    path = write(tmp_path, TEXT + "[columns]\n" + columns + "\n")
+    with pytest.raises(FileError) as error:
+        read_session(path)
+    assert expected in one_line(error) or expected == "needs"
+    assert "[columns]" in one_line(error)
+
+
+@pytest.mark.parametrize("name", ["../evil", "a/b", ".hidden", "a\u0000b"])
+def test_names_cannot_be_paths(tmp_path, name):
+    path = write(tmp_path, TEXT.replace('name = "one"', f"name = {json.dumps(name)}"))
+    with pytest.raises(FileError, match="key 'name' must be a name without /"):
+        read_session(path)
