@@ -13,6 +13,9 @@ from icjax.files import FileError, MotionFile, read_c3d, read_csv, read_sto, rea
 
 READERS = {".c3d": read_c3d, ".trc": read_trc, ".sto": read_sto, ".mot": read_sto}
 
+ANGLE_FORMATS = (".mot", ".sto")
+"""Files that joint angles are read from."""
+
 
 def load_trial(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
     """Markers and forces of a trial on one time axis: from one file, or from one file each.
@@ -21,7 +24,10 @@ def load_trial(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
     session needs it, times do not increase, the two files do not overlap in time, or a cut-off that the session
     states is too high for the rate that it is applied at.
     """
-    motion = _read(trial.markers, spec.columns, None if trial.forces is None else "markers")
+    if trial.angles:
+        motion = angle_frames(read_movement(spec, trial))
+    else:
+        motion = _read(trial.markers, spec.columns, None if trial.forces is None else "markers")
     if trial.forces is not None:
         forces = _read(trial.forces, spec.columns, "channels")
         motion = dataclasses.replace(
@@ -35,10 +41,10 @@ def load_trial(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
             notes=motion.notes + forces.notes,
         )
     if not len(motion.marker_time):
-        raise FileError(trial.markers, "holds no markers")
+        raise FileError(trial.markers, f"holds no {'angles' if trial.angles else 'markers'}")
     force_file = trial.forces or trial.markers
     for path, time, what in (
-        (trial.markers, motion.marker_time, "marker"),
+        (trial.markers, motion.marker_time, "angle" if trial.angles else "marker"),
         (force_file, motion.analog_time, "analog"),
     ):
         wrong = np.flatnonzero(~(np.diff(time) > 0))
@@ -49,17 +55,44 @@ def load_trial(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
     if trial.touches and (
         motion.analog_time[0] > motion.marker_time[-1] or motion.analog_time[-1] < motion.marker_time[0]
     ):
-        raise FileError(force_file, "forces and markers do not overlap in time")
+        raise FileError(force_file, f"forces and {'angles' if trial.angles else 'markers'} do not overlap in time")
+    movement = "angles" if trial.angles else "markers"
     for key in spec.filter.stated:
-        rate = motion.marker_rate if key == "markers" else motion.analog_rate
+        rate = motion.marker_rate if key == movement else motion.analog_rate
         cutoff = getattr(spec.filter, key)
-        if (key == "markers" or trial.touches) and cutoff > HIGHEST_CUTOFF * rate:
+        applied = key == movement or (key in ("forces", "events") and trial.touches)
+        if applied and cutoff > HIGHEST_CUTOFF * rate:
             raise FileError(
                 spec.path,
                 f"[filter] key '{key}': {cutoff:g} Hz is too high for the {rate:g} Hz of trial '{trial.name}'; "
                 f"at most {HIGHEST_CUTOFF * rate:g} Hz",
             )
     return motion
+
+
+def read_movement(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
+    """The joint angles of a trial as their file holds them, one analog channel a column.
+
+    **Errors**: `FileError` of the reader, or for a format that holds no joint angles.
+    """
+    kind = trial.markers.suffix.lower()
+    if kind not in ANGLE_FORMATS:
+        raise FileError(trial.markers, f"has the format '{kind}', which holds no angles (known: .mot, .sto)")
+    return _read(trial.markers, spec.columns, "channels")
+
+
+def angle_frames(angles: MotionFile) -> MotionFile:
+    """A file without markers whose frames are the rows of a file of joint angles."""
+    return MotionFile(
+        path=angles.path,
+        marker_names=(),
+        marker_rate=angles.analog_rate,
+        marker_time=angles.analog_time,
+        markers=np.zeros((len(angles.analog_time), 0, 3)),
+        marker_unit="",
+        metadata=angles.metadata,
+        notes=angles.notes,
+    )
 
 
 def _read(path: Path, columns: Mapping[str, Any], part: str | None) -> MotionFile:
