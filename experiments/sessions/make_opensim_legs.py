@@ -11,7 +11,7 @@ What differs: OpenSim's knee is no hinge. The tibia's origin follows two splines
 p(a) = (x(a), y(a)). A hinge at c that carries the tibia's origin at -d moves it on a circle, p(a) = c - Rz(a) d; c
 and d here are those of least squares over KNEE_RANGE, in which the recorded walk stays. The script prints what is
 left.
-Muscles, coordinate limits and wrapping surfaces are left out.
+Coordinates whose range has no width (the toes') are welded. Muscles, other limits and wrapping surfaces are left out.
 """
 
 import os
@@ -78,6 +78,8 @@ def add_joints(body: ElementTree.Element, joint: ElementTree.Element) -> None:
     place = numbers(joint, "location_in_parent")
     axes = joint.findall("SpatialTransform/TransformAxis")
     translations, rotations = axes[3:], axes[:3]
+    coordinates = joint.findall("CoordinateSet/objects/Coordinate")
+    locked = {item.get("name") for item in coordinates if not np.ptp(numbers(item, "range"))}
     centre = np.zeros(3)
     if translations[0].find("function/NaturalCubicSpline") is not None:
         femur, centre, left = knee_hinge(translations)
@@ -86,7 +88,7 @@ def add_joints(body: ElementTree.Element, joint: ElementTree.Element) -> None:
     body.set("pos", text(place))
     for kind, axis in [("slide", item) for item in translations] + [("hinge", item) for item in rotations]:
         coordinate = (axis.findtext("coordinates") or "").strip()
-        if not coordinate or (kind == "slide" and axis.find("function/NaturalCubicSpline") is not None):
+        if not coordinate or coordinate in locked or (kind == "slide" and axis.find("function/NaturalCubicSpline") is not None):
             continue
         coefficients = axis.find("function/LinearFunction/coefficients")
         assert coefficients is not None
