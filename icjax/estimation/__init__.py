@@ -7,6 +7,8 @@ from icjax.estimation._options import EstimationOptions as EstimationOptions
 from icjax.estimation._reference import CompliancePath as CompliancePath
 from icjax.estimation._reference import compliance_path as compliance_path
 from icjax.estimation._reference import reference_trajectory as reference_trajectory
+from icjax.estimation._sensitivity import Sensitivity as Sensitivity
+from icjax.estimation._sensitivity import sensitivity as sensitivity
 from icjax.estimation._summary import pool as pool
 from icjax.estimation._summary import summarise as summarise
 from icjax.estimation._torque import contact_torque as contact_torque

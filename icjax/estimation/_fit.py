@@ -113,7 +113,9 @@ def fit_variance(parameters: int, *residuals: np.ndarray, least: float = 0.0) ->
     factor, share = 1.0, parameters / count
     for _ in range(50):
         rho = min(max(found + (1.0 - found) * share, 0.0), 0.999)
-        factor = min((1.0 + rho) / (1.0 - rho), most)
+        previous, factor = factor, min((1.0 + rho) / (1.0 - rho), most)
+        if factor == previous:
+            break
         share = parameters * factor / count
     variance = max(power / (count * (1.0 - share)), least)
     return variance, factor * variance
