@@ -2,8 +2,11 @@
 
 from icjax.estimation._contact_compliance import compliance_at_contact as compliance_at_contact
 from icjax.estimation._estimate import estimate as estimate
+from icjax.estimation._excitation import Excitation as Excitation
+from icjax.estimation._excitation import excitation as excitation
 from icjax.estimation._joints import compliant_dofs as compliant_dofs
 from icjax.estimation._options import EstimationOptions as EstimationOptions
+from icjax.estimation._reasons import explain as explain
 from icjax.estimation._reference import CompliancePath as CompliancePath
 from icjax.estimation._reference import compliance_path as compliance_path
 from icjax.estimation._reference import reference_trajectory as reference_trajectory
