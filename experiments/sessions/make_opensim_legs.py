@@ -88,7 +88,8 @@ def add_joints(body: ElementTree.Element, joint: ElementTree.Element) -> None:
     body.set("pos", text(place))
     for kind, axis in [("slide", item) for item in translations] + [("hinge", item) for item in rotations]:
         coordinate = (axis.findtext("coordinates") or "").strip()
-        if not coordinate or coordinate in locked or (kind == "slide" and axis.find("function/NaturalCubicSpline") is not None):
+        follows = axis.find("function/NaturalCubicSpline") is not None
+        if not coordinate or coordinate in locked or follows:
             continue
         coefficients = axis.find("function/LinearFunction/coefficients")
         assert coefficients is not None

@@ -2,12 +2,17 @@
 
 from icjax.estimation._contact_compliance import compliance_at_contact as compliance_at_contact
 from icjax.estimation._estimate import estimate as estimate
+from icjax.estimation._excitation import Excitation as Excitation
+from icjax.estimation._excitation import excitation as excitation
 from icjax.estimation._joints import compliant_dofs as compliant_dofs
 from icjax.estimation._net_torque import net_joint_torque as net_joint_torque
 from icjax.estimation._options import EstimationOptions as EstimationOptions
+from icjax.estimation._reasons import explain as explain
 from icjax.estimation._reference import CompliancePath as CompliancePath
 from icjax.estimation._reference import compliance_path as compliance_path
 from icjax.estimation._reference import reference_trajectory as reference_trajectory
+from icjax.estimation._sensitivity import Sensitivity as Sensitivity
+from icjax.estimation._sensitivity import sensitivity as sensitivity
 from icjax.estimation._smooth_motion import Motion as Motion
 from icjax.estimation._smooth_motion import smooth_motion as smooth_motion
 from icjax.estimation._summary import pool as pool

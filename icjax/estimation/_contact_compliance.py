@@ -116,6 +116,19 @@ def free_interval(events: ContactEvents, event: int, loads: np.ndarray) -> tuple
     return start, end
 
 
+def window_frames(
+    recording: Recording, event: int, loads: np.ndarray, usable: np.ndarray, options: EstimationOptions
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Time after the onset (s) of every frame, and which usable frames lie in the windows before and after it."""
+    onset = float(np.asarray(recording.events.onset)[event])
+    start, end = free_interval(recording.events, event, loads)
+    s = np.asarray(recording.time) - onset
+    edge = 1e-6 / recording.rate  # a sample on the edge of a window is in it, whatever its rounding
+    before = usable & (s <= 0) & (s >= max(-options.window_before, start - onset) - edge)
+    after = usable & (s > 0) & (s <= min(options.window_after, end - onset) + edge)
+    return s, before, after
+
+
 def _at_event(
     recording: Recording,
     event: int,
@@ -127,13 +140,8 @@ def _at_event(
 ) -> _Estimate:
     if not loads[int(np.asarray(recording.events.contact)[event])]:
         return _no_estimate(NOT_EXCITED, options.degree)
-    onset = float(np.asarray(recording.events.onset)[event])
-    start, end = free_interval(recording.events, event, loads)
-    s = np.asarray(recording.time) - onset
-    edge = 1e-6 / recording.rate  # a sample on the edge of a window is in it, whatever its rounding
     usable = np.asarray(recording.valid) & np.isfinite(angle) & np.isfinite(torque)
-    before = usable & (s <= 0) & (s >= max(-options.window_before, start - onset) - edge)
-    after = usable & (s > 0) & (s <= min(options.window_after, end - onset) + edge)
+    s, before, after = window_frames(recording, event, loads, usable, options)
     enough = all(
         side.sum() >= max(options.coverage * recording.rate * window, options.degree + 3)
         for side, window in ((before, options.window_before), (after, options.window_after))
