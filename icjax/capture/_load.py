@@ -9,11 +9,11 @@ import numpy as np
 
 from icjax.capture._filters import HIGHEST_CUTOFF
 from icjax.capture._spec import SessionSpec, TrialSpec
-from icjax.files import FileError, MotionFile, read_c3d, read_csv, read_sto, read_trc
+from icjax.files import FileError, MotionFile, is_qualisys, read_bvh, read_c3d, read_csv, read_sto, read_trc, read_tsv
 
 READERS = {".c3d": read_c3d, ".trc": read_trc, ".sto": read_sto, ".mot": read_sto}
 
-ANGLE_FORMATS = (".mot", ".sto")
+ANGLE_FORMATS = (".mot", ".sto", ".bvh")
 """Files that joint angles are read from."""
 
 
@@ -77,7 +77,12 @@ def read_movement(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
     """
     kind = trial.markers.suffix.lower()
     if kind not in ANGLE_FORMATS:
-        raise FileError(trial.markers, f"has the format '{kind}', which holds no angles (known: .mot, .sto)")
+        raise FileError(
+            trial.markers, f"has the format '{kind}', which holds no angles (known: {', '.join(ANGLE_FORMATS)})"
+        )
+    if kind == ".bvh":
+        motion = read_bvh(trial.markers)
+        return dataclasses.replace(motion, metadata={**motion.metadata, "inDegrees": False})  # its reader converts
     return _read(trial.markers, spec.columns, "channels")
 
 
@@ -97,6 +102,8 @@ def angle_frames(angles: MotionFile) -> MotionFile:
 
 def _read(path: Path, columns: Mapping[str, Any], part: str | None) -> MotionFile:
     kind = path.suffix.lower()
+    if kind in (".tsv", ".txt") and is_qualisys(path):
+        return read_tsv(path)
     if kind in READERS:
         return READERS[kind](path)
     if kind in (".csv", ".tsv", ".txt"):
@@ -111,4 +118,4 @@ def _read(path: Path, columns: Mapping[str, Any], part: str | None) -> MotionFil
             raise
         except ValueError as error:
             raise FileError(path, f"[columns]: {error}") from error
-    raise FileError(path, f"has the unknown format '{kind}' (known: .c3d, .trc, .mot, .sto, .csv)")
+    raise FileError(path, f"has the unknown format '{kind}' (known: .c3d, .trc, .mot, .sto, .csv, .tsv)")

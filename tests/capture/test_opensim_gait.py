@@ -148,6 +148,17 @@ def test_degrees_as_the_file_or_the_session_says(small, header, key, angle):
     np.testing.assert_array_equal(recording.time, [0.0, 0.1, 0.2])
 
 
+def test_angles_of_a_bvh_file(small, tmp_path):
+    """Channels are named joint.channel; degrees and cm, as the format has them, become rad and m."""
+    (tmp_path / "one.bvh").write_text(
+        "HIERARCHY\nROOT leg\n{\nOFFSET 0 0 0\nCHANNELS 2 Zposition Yrotation\nEnd Site\n{\nOFFSET 0 0 -40\n}\n}\n"
+        "MOTION\nFrames: 2\nFrame Time: 0.01\n100 90\n110 45\n"
+    )
+    text = TEXT.replace("one.sto", "one.bvh").replace('"y"', '"leg.Zposition"').replace('"k"', '"leg.Yrotation"')
+    (recording,) = capture(read_session(small(text=text))).recordings
+    np.testing.assert_allclose(recording.q, [[1.0, np.pi / 2], [1.1, np.pi / 4]], rtol=1e-15)
+
+
 def test_a_gap_in_the_angles_is_a_frame_without_pose(small):
     (recording,) = capture(read_session(small("inDegrees=no\n", rows="0 1 90\n0.1 1 nan\n0.2 1 0\n"))).recordings
     np.testing.assert_array_equal(recording.valid, [True, False, True])
