@@ -5,8 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from icjax.estimation._fit import fit_rise, fit_slope_change
+from icjax.estimation._inertial_torque import inertial_torque
 from icjax.estimation._joints import angle_courses, chosen_dofs
 from icjax.estimation._options import EstimationOptions
+from icjax.estimation._smooth_motion import smooth_motion
 from icjax.estimation._torque import body_index, joint_torque
 from icjax.interaction import STATUS, CompliancePerEvent
 from icjax.model import Model
@@ -54,6 +56,8 @@ def compliance_at_contact(
     `fit_slope_change`). It covers noise about the polynomials. It does not cover the bias of the method: inertia,
     damping and planned deceleration after contact all change the angle's slope and are read as compliance.
 
+    With `options.inertia` the torque is J^T f - M e'' - B e' (`inertial_torque`) instead of J^T f.
+
     **Arguments**
 
     - `recordings`: of one subject's model.
@@ -82,12 +86,19 @@ def compliance_at_contact(
         tau = np.asarray(torque)[:, list(dofs)]
         variance = np.diagonal(np.asarray(recording.q_covariance), axis1=1, axis2=2)[:, list(dofs)]
         loads = contacts_that_load(recording, dofs)
+        motion = None
+        if options.inertia:
+            motion = smooth_motion(model, recording.time, recording.q, options.inertia_cutoff, recording.valid)
         for event, onset in enumerate(np.asarray(recording.events.onset)):
             names.append(recording.name)
             onsets.append(float(onset))
+            static = tau
+            if motion is not None:
+                inertial = inertial_torque(recording, motion, float(onset), options.window_before, options.degree)
+                static = tau - inertial[:, list(dofs)]
             rows.append(
                 [
-                    _at_event(recording, event, angle[:, j], tau[:, j], variance[:, j], loads[j], options)
+                    _at_event(recording, event, angle[:, j], static[:, j], variance[:, j], loads[j], options)
                     for j in range(len(dofs))
                 ]
             )
