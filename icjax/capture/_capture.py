@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from icjax.capture._angles import recorded_angles
 from icjax.capture._contact_point import contact_points
 from icjax.capture._events import contact_events, force_course
 from icjax.capture._filters import HIGHEST_CUTOFF, lowpass
 from icjax.capture._joint_angles import JointAngles, joint_angles
-from icjax.capture._load import load_trial
+from icjax.capture._load import load_trial, read_movement
 from icjax.capture._sensors import SensorWrench, sensor_wrench
 from icjax.capture._spec import SessionSpec, TrialSpec
 from icjax.capture._synchronise import on_marker_clock
@@ -56,11 +57,7 @@ def capture_trial(spec: SessionSpec, trial: TrialSpec, progress: Callable[[float
     """One trial of a session, see `capture`."""
     motion = load_trial(spec, trial)
     sensors = tuple(sensor_wrench(motion, trial, spec.source(name), spec.path) for name, _ in trial.touches)
-    names, markers = session_markers(spec, motion, trial.markers)
-    sites = tuple(spec.model.site(dict(spec.markers)[name]) for name in names)
-    angles = joint_angles(
-        spec.model, sites, markers, motion.marker_rate, spec.filter.markers, spec.placement_sd, progress
-    )
+    names, markers, angles = _movement(spec, trial, motion, progress)
     time = motion.marker_time
     count = len(trial.touches)
     force, point, moment = (np.zeros((len(time), count, 3)) for _ in range(3))
@@ -71,6 +68,8 @@ def capture_trial(spec: SessionSpec, trial: TrialSpec, progress: Callable[[float
         course = force_course(sensor, spec.filter.events, spec.contact)
         found = contact_events(course, spec.contact)
         thresholds[sensor.name] = {"noise": course.noise, "onset": course.onset, "release": course.release}
+        # A force recording may be longer than the movement's; what it holds beside it is no event of the trial.
+        found = [(on, off) for on, off in found if on <= time[-1] and not off < time[0]]
         events += [(onset, release, index) for onset, release in found]
         for onset, release in found:
             touching[:, index] |= (time >= onset) & ~(time > release)
@@ -116,6 +115,18 @@ def capture_trial(spec: SessionSpec, trial: TrialSpec, progress: Callable[[float
         friction=trial.friction,
         provenance=_provenance(spec, trial, motion, angles, thresholds),
     )
+
+
+def _movement(
+    spec: SessionSpec, trial: TrialSpec, motion: MotionFile, progress: Callable[[float], None] | None
+) -> tuple[tuple[str, ...], np.ndarray, JointAngles]:
+    """Names and places of the markers (none where the trial gives angles) and the joint angles."""
+    if trial.angles:
+        return (), motion.markers, recorded_angles(spec, trial, read_movement(spec, trial), motion.marker_time)
+    names, markers = session_markers(spec, motion, trial.markers)
+    sites = tuple(spec.model.site(dict(spec.markers)[name]) for name in names)
+    rate, cutoff = motion.marker_rate, spec.filter.markers
+    return names, markers, joint_angles(spec.model, sites, markers, rate, cutoff, spec.placement_sd, progress)
 
 
 def session_markers(spec: SessionSpec, motion: MotionFile, path: Path) -> tuple[tuple[str, ...], np.ndarray]:
@@ -185,11 +196,13 @@ def _provenance(spec: SessionSpec, trial: TrialSpec, motion: MotionFile, angles:
             "analog_units_found": dict(zip(motion.analog_names, motion.analog_units, strict=True)),
             "filter_hz": {
                 "markers": spec.filter.markers,
+                "angles": spec.filter.angles,
                 "forces": spec.filter.forces,
                 "events": spec.filter.events,
             },
             "marker_sd_m": angles.marker_sd,
             "placement_sd_m": spec.placement_sd,
+            "angle_sd_rad": spec.angle_sd if trial.angles else None,
             "contact_thresholds_n": thresholds,
             "notes": list(motion.notes),
         }

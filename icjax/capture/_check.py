@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from icjax.capture._angles import recorded_angles
 from icjax.capture._capture import session_markers
 from icjax.capture._check_forces import force_findings
-from icjax.capture._load import load_trial
+from icjax.capture._load import load_trial, read_movement
 from icjax.capture._spec import SessionSpec, SourceSpec
 from icjax.files import FileError, MotionFile
 
@@ -32,7 +33,8 @@ def check(spec: SessionSpec) -> list[str]:
         f"session '{spec.name}' of subject '{spec.subject}' ({spec.path.name}): {counts}",
         f"model {spec.model_source}: bodies {', '.join(model.body_names[1:])}; joints "
         + ", ".join(f"{name} ({kind})" for name, kind in zip(model.joint_names, model.joint_types, strict=True)),
-        f"{len(spec.markers)} markers, placed to {1e3 * spec.placement_sd:g} mm",
+        f"{len(spec.markers)} markers, placed to {1e3 * spec.placement_sd:g} mm"
+        + (f"; {len(spec.angles)} joint angles, good to {spec.angle_sd:.3g} rad" if spec.angles else ""),
         f"zero-phase low-pass: markers {spec.filter.markers:g} Hz, forces {spec.filter.forces:g} Hz, "
         f"events {spec.filter.events:g} Hz (cut-off after both passes)",
     ]
@@ -44,10 +46,13 @@ def check(spec: SessionSpec) -> list[str]:
             lines += [f"trial '{trial.name}' ({trial.role}): {text}" for text in _understood(spec, motion)]
             forces = force_findings(spec, trial, motion)
             lines += [f"trial '{trial.name}': {text}" for text in forces.notes]
-            doubts = _marker_doubts(spec, motion) + forces.doubts
+            doubts = ([] if trial.angles else _marker_doubts(spec, motion)) + forces.doubts
             lines += [f"{SUSPICIOUS}trial '{trial.name}': {text}" for text in doubts]
             lines += [f"{ERROR}{spec.path}: [[trial]] '{trial.name}': {text}" for text in forces.errors]
-            session_markers(spec, motion, trial.markers)
+            if trial.angles:
+                recorded_angles(spec, trial, read_movement(spec, trial), motion.marker_time)
+            else:
+                session_markers(spec, motion, trial.markers)
         except FileError as error:
             lines.append(f"{ERROR}{error}")
     return lines
@@ -70,16 +75,17 @@ def _session_doubts(spec: SessionSpec) -> list[str]:
         doubts.append("no catch trials: a planned deceleration cannot be told from compliance")
     marked = {model.site_bodies[model.site(site)] for _, site in spec.markers}
     for index, name in enumerate(model.body_names[1:], 1):
-        if index not in marked:
+        if spec.markers and index not in marked:
             doubts.append(f"body '{name}' carries no marker; its joint is known only through other bodies")
     return doubts
 
 
 def _understood(spec: SessionSpec, motion: MotionFile) -> list[str]:
     time = motion.marker_time
+    moved = bool(motion.marker_names)
     lines = [
         f"{len(time)} frames at {motion.marker_rate:g} Hz, {time[0]:g} to {time[-1]:g} s, "
-        f"{len(motion.marker_names)} markers in {motion.marker_unit or 'an unstated unit'}"
+        + (f"{len(motion.marker_names)} markers in {motion.marker_unit or 'an unstated unit'}" if moved else "angles")
     ]
     if motion.analog.size:
         names = ", ".join(

@@ -5,12 +5,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from icjax.capture._filters import HIGHEST_CUTOFF
 from icjax.capture._spec import SessionSpec, TrialSpec
-from icjax.capture._trial_time import check_force_times, common_time, even_markers
-from icjax.files import FileError, MotionFile, read_c3d, read_csv, read_sto, read_trc
+from icjax.capture._trial_time import check_even, common_time, even_markers
+from icjax.files import FileError, MotionFile, is_qualisys, read_bvh, read_c3d, read_csv, read_sto, read_trc, read_tsv
 
 READERS = {".c3d": read_c3d, ".trc": read_trc, ".sto": read_sto, ".mot": read_sto}
+
+ANGLE_FORMATS = (".mot", ".sto", ".bvh")
+"""Files that joint angles are read from."""
 
 
 def load_trial(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
@@ -20,7 +25,10 @@ def load_trial(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
     session needs it, times do not increase, the two files do not overlap in time, or a cut-off that the session
     states is too high for the rate that it is applied at.
     """
-    motion = _read(trial.markers, spec.columns, None if trial.forces is None else "markers")
+    if trial.angles:
+        motion = angle_frames(read_movement(spec, trial))
+    else:
+        motion = _read(trial.markers, spec.columns, None if trial.forces is None else "markers")
     if trial.forces is not None:
         forces = _read(trial.forces, spec.columns, "channels")
         motion = dataclasses.replace(
@@ -34,18 +42,23 @@ def load_trial(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
             notes=motion.notes + forces.notes,
         )
     if not len(motion.marker_time):
-        raise FileError(trial.markers, "holds no markers")
-    motion = even_markers(motion, trial.markers)
+        raise FileError(trial.markers, f"holds no {'angles' if trial.angles else 'markers'}")
     force_file = trial.forces or trial.markers
     if trial.touches and not motion.analog.size:
         raise FileError(force_file, f"holds no forces, but trial '{trial.name}' touches '{trial.touches[0][0]}'")
+    if trial.angles:
+        check_even(motion.marker_time, trial.markers, "angle")
+    else:
+        motion = even_markers(motion, trial.markers)
     if trial.touches:
-        check_force_times(motion, force_file)
+        check_even(motion.analog_time, force_file, "force")
         motion = common_time(motion, force_file)
+    movement = "angles" if trial.angles else "markers"
     for key in spec.filter.stated:
-        rate = motion.marker_rate if key == "markers" else motion.analog_rate
+        rate = motion.marker_rate if key == movement else motion.analog_rate
         cutoff = getattr(spec.filter, key)
-        if (key == "markers" or trial.touches) and cutoff > HIGHEST_CUTOFF * rate:
+        applied = key == movement or (key in ("forces", "events") and trial.touches)
+        if applied and cutoff > HIGHEST_CUTOFF * rate:
             raise FileError(
                 spec.path,
                 f"[filter] key '{key}': {cutoff:g} Hz is too high for the {rate:g} Hz of trial '{trial.name}'; "
@@ -54,8 +67,40 @@ def load_trial(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
     return motion
 
 
+def read_movement(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
+    """The joint angles of a trial as their file holds them, one analog channel a column.
+
+    **Errors**: `FileError` of the reader, or for a format that holds no joint angles.
+    """
+    kind = trial.markers.suffix.lower()
+    if kind not in ANGLE_FORMATS:
+        raise FileError(
+            trial.markers, f"has the format '{kind}', which holds no angles (known: {', '.join(ANGLE_FORMATS)})"
+        )
+    if kind == ".bvh":
+        motion = read_bvh(trial.markers)
+        return dataclasses.replace(motion, metadata={**motion.metadata, "inDegrees": False})  # its reader converts
+    return _read(trial.markers, spec.columns, "channels")
+
+
+def angle_frames(angles: MotionFile) -> MotionFile:
+    """A file without markers whose frames are the rows of a file of joint angles."""
+    return MotionFile(
+        path=angles.path,
+        marker_names=(),
+        marker_rate=angles.analog_rate,
+        marker_time=angles.analog_time,
+        markers=np.zeros((len(angles.analog_time), 0, 3)),
+        marker_unit="",
+        metadata=angles.metadata,
+        notes=angles.notes,
+    )
+
+
 def _read(path: Path, columns: Mapping[str, Any], part: str | None) -> MotionFile:
     kind = path.suffix.lower()
+    if kind in (".tsv", ".txt") and is_qualisys(path):
+        return read_tsv(path)
     if kind in READERS:
         return READERS[kind](path)
     if kind in (".csv", ".tsv", ".txt"):
@@ -70,4 +115,4 @@ def _read(path: Path, columns: Mapping[str, Any], part: str | None) -> MotionFil
             raise
         except ValueError as error:
             raise FileError(path, f"[columns]: {error}") from error
-    raise FileError(path, f"has the unknown format '{kind}' (known: .c3d, .trc, .mot, .sto, .csv)")
+    raise FileError(path, f"has the unknown format '{kind}' (known: .c3d, .trc, .mot, .sto, .csv, .tsv)")

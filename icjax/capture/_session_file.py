@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+from icjax.capture._angles import ANGLE_SD, angle_columns, movement_key
 from icjax.capture._spec import ContactSpec, FilterSpec, SessionSpec, SourceSpec, SurfaceSpec, TrialSpec
 from icjax.files import FileError, Table, as_numbers, as_rotation, read_toml
 from icjax.model import Model, index_finger, load_model
@@ -37,8 +38,10 @@ def read_session(path: str | os.PathLike) -> SessionSpec:
     model_table = top.table("model")
     model, model_source = _model(model_table, path)
     placement_sd = model_table.number("placement_sd", PLACEMENT_SD, above=0.0)
+    angle_sd = model_table.number("angle_sd", ANGLE_SD, above=0.0)
     model_table.close()
-    markers = _markers(top.table("markers"), model)
+    angles = angle_columns(top.table("angles", None), model)
+    markers = () if angles and "markers" not in top.content else _markers(top.table("markers"), model)
     sources = tuple(_source(table) for table in top.tables("source"))
     _unique(path, "source", [item.name for item in sources])
     trials = tuple(_trial(table, folder, model, sources) for table in top.tables("trial"))
@@ -47,6 +50,9 @@ def read_session(path: str | os.PathLike) -> SessionSpec:
     _unique(path, "trial", [item.name for item in trials])
     roles = {trial.name: trial.role for trial in trials}
     for trial in trials:
+        if not (angles if trial.angles else markers):
+            needed = "angles" if trial.angles else "markers"
+            raise FileError(path, f"[[trial]] '{trial.name}': its movement needs the table [{needed}]")
         if trial.catch_of is None:
             continue
         where = f"[[trial]] '{trial.name}': catch_of names"
@@ -67,6 +73,8 @@ def read_session(path: str | os.PathLike) -> SessionSpec:
         sources=sources,
         trials=trials,
         columns=_columns(top.table("columns", None)),
+        angles=angles,
+        angle_sd=angle_sd,
     )
     top.close()
     return spec
@@ -127,7 +135,8 @@ def _filter(table: Table | None) -> FilterSpec:
         markers=table.number("markers", standard.markers, least=LEAST_CUTOFF),
         forces=table.number("forces", standard.forces, least=LEAST_CUTOFF),
         events=table.number("events", standard.events, least=LEAST_CUTOFF),
-        stated=tuple(key for key in ("markers", "forces", "events") if key in table.content),
+        angles=table.number("angles", None, least=LEAST_CUTOFF),
+        stated=tuple(key for key in ("markers", "forces", "events", "angles") if key in table.content),
     )
     table.close()
     return spec
@@ -222,8 +231,9 @@ def _trial(table: Table, folder: Path, model: Model, sources: tuple[SourceSpec, 
     catch_of = table.text("catch_of", None)
     if (role == "catch") != (catch_of is not None):
         raise table.error("needs the key 'catch_of' exactly when its role is 'catch'")
-    file, markers, forces = (table.text(key, None) for key in ("file", "markers", "forces"))
-    if (file is None) == (markers is None) or (file is not None and forces is not None):
+    movement, degrees = movement_key(table)
+    forces = table.text("forces", None)
+    if movement == "file" and forces is not None:
         raise table.error("needs either the key 'file' or the key 'markers' (with 'forces')")
     touches = table.table("touches", None)
     pairs = () if touches is None else touches.pairs()
@@ -238,11 +248,13 @@ def _trial(table: Table, folder: Path, model: Model, sources: tuple[SourceSpec, 
         name=name,
         role=role,
         catch_of=catch_of,
-        markers=_existing(table, folder, file or markers, "file" if file else "markers"),
+        markers=_existing(table, folder, table.content[movement], movement),
         forces=None if forces is None else _existing(table, folder, forces, "forces"),
         touches=pairs,
         friction=table.number("friction", None, least=0.0),
         tare=table.take("tare", _windows, "an interval [from, to] in s, or a list of them", None),
+        angles=movement == "angles",
+        degrees=degrees,
     )
     table.close()
     return spec

@@ -14,6 +14,8 @@ class FilterSpec:
 
     - `markers`: 20 Hz. Voluntary movement of a hand holds little above 10 Hz, tremor reaches 12 Hz.
     - `forces`: 60 Hz, what reaches the joints; far below the resonance of a plate's mount.
+    - `angles`: of joint angles that come from a file; None leaves them as they are, since whoever solved them has
+      usually filtered them.
     - `events`: 150 Hz, only for finding onset and release: a step rises in 0.35 / 150 Hz = 2.3 ms, and a mount
       that rings at 350 Hz is damped to a tenth.
     - `stated`: which of them the session file states; a stated cut-off that a recording is too slow for is an error,
@@ -23,6 +25,7 @@ class FilterSpec:
     markers: float = 20.0
     forces: float = 60.0
     events: float = 150.0
+    angles: float | None = None
     stated: tuple[str, ...] = ()
 
 
@@ -77,7 +80,11 @@ class SourceSpec:
 
 @dataclasses.dataclass(frozen=True)
 class TrialSpec:
-    """One trial: files (`file` for both, or `markers` and `forces`), role, and what touches which source."""
+    """One trial: files (`file` for both, or `markers` and `forces`), role, and what touches which source.
+
+    - `angles`: the movement file `markers` holds joint angles, not markers.
+    - `degrees`: whether its angles are in degrees, None if the session leaves that to the file's header.
+    """
 
     name: str
     role: str
@@ -87,6 +94,8 @@ class TrialSpec:
     touches: tuple[tuple[str, str], ...]
     friction: float | None
     tare: tuple[tuple[float, float], ...] | None
+    angles: bool = False
+    degrees: bool | None = None
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -95,6 +104,8 @@ class SessionSpec:
 
     - `markers`: (label in the files, site of the model).
     - `placement_sd`: m; standard deviation of a marker's place on the body, per axis, against its site.
+    - `angles`: (joint of the model, column of the file), for trials whose movement is given by joint angles.
+    - `angle_sd`: rad; standard deviation of such an angle.
     """
 
     path: Path
@@ -109,6 +120,8 @@ class SessionSpec:
     sources: tuple[SourceSpec, ...]
     trials: tuple[TrialSpec, ...]
     columns: Mapping[str, Any]
+    angles: tuple[tuple[str, str], ...] = ()
+    angle_sd: float = 0.0
 
     def source(self, name: str) -> SourceSpec:
         """A source by its name."""

@@ -54,14 +54,13 @@ def even_markers(motion: MotionFile, path: Path) -> MotionFile:
     )
 
 
-def check_force_times(motion: MotionFile, path: Path) -> None:
-    """**Errors**: `FileError` when forces have fewer than two samples or unevenly spaced times.
+def check_even(time: np.ndarray, path: Path, what: str) -> None:
+    """**Errors**: `FileError` when there are fewer than two samples or their times are not evenly spaced.
 
     A force that is not known is neither a contact nor the absence of one, so no sample can be put in.
     """
-    time = motion.analog_time
     if len(time) < 2:
-        raise FileError(path, f"holds {len(time)} force sample; two are needed to know its rate")
+        raise FileError(path, f"holds {len(time)} {what} sample; two are needed to know its rate")
     steps = np.diff(time)
     usual = _usual(steps)
     uneven = np.abs(steps - usual) > JITTER * usual
@@ -69,7 +68,7 @@ def check_force_times(motion: MotionFile, path: Path) -> None:
         sample = int(np.argmax(uneven))
         raise FileError(
             path,
-            f"force times are not evenly spaced: {steps[sample]:g} s after sample {sample + 1} ({time[sample]:g} s), "
+            f"{what} times are not evenly spaced: {steps[sample]:g} s after sample {sample + 1} ({time[sample]:g} s), "
             f"usually {usual:g} s",
         )
 

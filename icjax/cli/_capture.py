@@ -27,9 +27,10 @@ class Capture:
         session.save(path)
         for recording in session.recordings:
             rms = _rms(recording.marker_residual[recording.valid])
+            fit = f"marker residual {1e3 * rms:.2f} mm RMS" if recording.marker_names else "joint angles from a file"
             print(
                 f"  {recording.name} ({recording.role}): {float(recording.time[-1] - recording.time[0]):.2f} s, "
-                f"{len(recording.events.onset)} contacts, marker residual {1e3 * rms:.2f} mm RMS, "
+                f"{len(recording.events.onset)} contacts, {fit}, "
                 f"{int((~recording.valid).sum())} frames without pose"
             )
         for line in check_recording(session):

@@ -27,6 +27,8 @@ class Estimate:
     """Length of the windows before and after contact, s (spinal reflexes need about 0.1 s)."""
     degree: Literal[1, 2] = 2
     """Degree of the polynomials fitted in the windows."""
+    explain: bool = False
+    """Also print why each estimate was accepted or not, and whether it depends on windows and degree."""
 
     def run(self) -> None:
         from icjax.cli._output import Steps
@@ -35,7 +37,8 @@ class Estimate:
 
         session = Session.load(self.recording)
         options = EstimationOptions(window_before=self.window, window_after=self.window, degree=self.degree)
-        with Steps(1).step("compliance at contact and reference trajectory") as progress:
+        steps = Steps(1 + self.explain)
+        with steps.step("compliance at contact and reference trajectory") as progress:
             interactions = estimate(session, options, progress=progress)
         known = [item.name for item in interactions]
         if self.trial is not None and self.trial not in known:
@@ -43,6 +46,10 @@ class Estimate:
         folder = self.out or self.recording.parent
         chosen = interactions[known.index(self.trial) if self.trial else 0]
         print(summary_text(chosen))
+        if self.explain:
+            with steps.step("the same over other windows and degrees"):
+                told = explanation_text(session.trials(), chosen, options)
+            print(told)
         chosen.save(folder / "interaction.nc")
         print(f"wrote {folder / 'interaction.nc'} (trial {chosen.name})")
         if self.all:
@@ -73,3 +80,22 @@ def summary_text(interaction) -> str:
         lines.append(f"{joint:12s} {told:>14s}  {interval:>18s}   {counts}")
     lines.append("intervals state the scatter of the events, not the bias of inertia, damping and planned deceleration")
     return "\n".join(lines)
+
+
+def explanation_text(trials, interaction, options) -> str:
+    """A line an event and joint: status with numbers, geometry, agreement over windows and degrees."""
+    import numpy as np
+
+    from icjax.estimation import excitation, explain, joint_torque, sensitivity
+
+    torques = tuple(np.asarray(joint_torque(item)) for item in trials)
+    per_event = interaction.per_event
+    agreement = sensitivity(trials, options=options, torques=torques)
+    reasons = explain(per_event, excitation(trials, options, torques), agreement, options)
+    lines = []
+    for event, (name, onset) in enumerate(zip(per_event.recording, np.asarray(per_event.onset), strict=True)):
+        for joint, reason in zip(per_event.joint_names, reasons[event], strict=True):
+            lines.append(f"{name} {float(onset):8.3f} s  {joint:12s} {reason}")
+    counts = zip(per_event.joint_names, agreement.stable.sum(axis=0), strict=True)
+    told = ", ".join(f"{joint} {int(count)}" for joint, count in counts)
+    return "\n".join([*lines, f"stable over windows and degrees, of {len(per_event.onset)} events: {told}"])

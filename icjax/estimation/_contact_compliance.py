@@ -5,8 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from icjax.estimation._fit import fit_rise, fit_slope_change
+from icjax.estimation._inertial_torque import inertial_torque
 from icjax.estimation._joints import angle_courses, chosen_dofs
 from icjax.estimation._options import EstimationOptions
+from icjax.estimation._smooth_motion import smooth_motion
 from icjax.estimation._torque import body_index, joint_torque
 from icjax.interaction import STATUS, CompliancePerEvent
 from icjax.model import Model
@@ -54,6 +56,8 @@ def compliance_at_contact(
     `fit_slope_change`). It covers noise about the polynomials. It does not cover the bias of the method: inertia,
     damping and planned deceleration after contact all change the angle's slope and are read as compliance.
 
+    With `options.inertia` the torque is J^T f - M e'' - B e' (`inertial_torque`) instead of J^T f.
+
     **Arguments**
 
     - `recordings`: of one subject's model.
@@ -82,12 +86,19 @@ def compliance_at_contact(
         tau = np.asarray(torque)[:, list(dofs)]
         variance = np.diagonal(np.asarray(recording.q_covariance), axis1=1, axis2=2)[:, list(dofs)]
         loads = contacts_that_load(recording, dofs)
+        motion = None
+        if options.inertia:
+            motion = smooth_motion(model, recording.time, recording.q, options.inertia_cutoff, recording.valid)
         for event, onset in enumerate(np.asarray(recording.events.onset)):
             names.append(recording.name)
             onsets.append(float(onset))
+            static = tau
+            if motion is not None:
+                inertial = inertial_torque(recording, motion, float(onset), options.window_before, options.degree)
+                static = tau - inertial[:, list(dofs)]
             rows.append(
                 [
-                    _at_event(recording, event, angle[:, j], tau[:, j], variance[:, j], loads[j], options)
+                    _at_event(recording, event, angle[:, j], static[:, j], variance[:, j], loads[j], options)
                     for j in range(len(dofs))
                 ]
             )
@@ -116,6 +127,19 @@ def free_interval(events: ContactEvents, event: int, loads: np.ndarray) -> tuple
     return start, end
 
 
+def window_frames(
+    recording: Recording, event: int, loads: np.ndarray, usable: np.ndarray, options: EstimationOptions
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Time after the onset (s) of every frame, and which usable frames lie in the windows before and after it."""
+    onset = float(np.asarray(recording.events.onset)[event])
+    start, end = free_interval(recording.events, event, loads)
+    s = np.asarray(recording.time) - onset
+    edge = 1e-6 / recording.rate  # a sample on the edge of a window is in it, whatever its rounding
+    before = usable & (s <= 0) & (s >= max(-options.window_before, start - onset) - edge)
+    after = usable & (s > 0) & (s <= min(options.window_after, end - onset) + edge)
+    return s, before, after
+
+
 def _at_event(
     recording: Recording,
     event: int,
@@ -127,13 +151,8 @@ def _at_event(
 ) -> _Estimate:
     if not loads[int(np.asarray(recording.events.contact)[event])]:
         return _no_estimate(NOT_EXCITED, options.degree)
-    onset = float(np.asarray(recording.events.onset)[event])
-    start, end = free_interval(recording.events, event, loads)
-    s = np.asarray(recording.time) - onset
-    edge = 1e-6 / recording.rate  # a sample on the edge of a window is in it, whatever its rounding
     usable = np.asarray(recording.valid) & np.isfinite(angle) & np.isfinite(torque)
-    before = usable & (s <= 0) & (s >= max(-options.window_before, start - onset) - edge)
-    after = usable & (s > 0) & (s <= min(options.window_after, end - onset) + edge)
+    s, before, after = window_frames(recording, event, loads, usable, options)
     enough = all(
         side.sum() >= max(options.coverage * recording.rate * window, options.degree + 3)
         for side, window in ((before, options.window_before), (after, options.window_after))

@@ -76,8 +76,7 @@ def fit_rise(s: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"], degree: int
     """`y = sum_{k >= 1} c_k s^k`: the torque is zero at contact. The slope there is `c_1`.
 
     The standard error is as in `fit_slope_change` and contains what the polynomial cannot follow. `noise` does
-    not: it is the standard deviation of one sample from second differences, in which a smooth course cancels
-    (their mean square is 6 sigma^2 for white noise), and `slope_noise` is what it alone does to the slope.
+    not: it is `second_difference_noise`, and `slope_noise` is what it alone does to the slope.
     """
     scale = s[-1]
     design = _powers(s / scale, degree)
@@ -85,12 +84,20 @@ def fit_rise(s: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"], degree: int
     residual = y - design @ solution
     _, counts = fit_variance(degree, residual)
     error = float(np.sqrt(covariance[0, 0] * counts) / scale)
-    noise = float(np.sqrt(np.mean(np.diff(y, 2) ** 2) / 6.0))
+    noise = second_difference_noise(y)
     noise_error = float(np.sqrt(covariance[0, 0])) * noise / scale
     coefficients = np.concatenate([[0.0], solution * scale ** -np.arange(1.0, degree + 1)])
     total, left = float(y @ y), float(residual @ residual)  # about zero: the fit has no constant
     quality = 1.0 - left / total if total > 0 else 1.0
     return Rise(coefficients, float(coefficients[1]), error, noise, noise_error, quality)
+
+
+def second_difference_noise(y: Float[np.ndarray, " n"]) -> float:
+    """Standard deviation of one sample from second differences, in which a smooth course cancels.
+
+    Their mean square is 6 sigma^2 for white noise.
+    """
+    return float(np.sqrt(np.mean(np.diff(y, 2) ** 2) / 6.0))
 
 
 def fit_variance(parameters: int, *residuals: np.ndarray, least: float = 0.0) -> tuple[float, float]:
@@ -113,7 +120,9 @@ def fit_variance(parameters: int, *residuals: np.ndarray, least: float = 0.0) ->
     factor, share = 1.0, parameters / count
     for _ in range(50):
         rho = min(max(found + (1.0 - found) * share, 0.0), 0.999)
-        factor = min((1.0 + rho) / (1.0 - rho), most)
+        previous, factor = factor, min((1.0 + rho) / (1.0 - rho), most)
+        if factor == previous:
+            break
         share = parameters * factor / count
     variance = max(power / (count * (1.0 - share)), least)
     return variance, factor * variance

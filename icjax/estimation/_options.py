@@ -38,6 +38,10 @@ class EstimationOptions:
     - `blend`: s before an onset in which one compliance changes smoothly into the next.
     - `joints`: names of the joints to estimate (a joint's name or that of one of its degrees of freedom); empty
       means every compliant joint of the model.
+    - `inertia`: subtract the inertial and damping part M e'' + B e' from the contact torque (`inertial_torque`,
+      section 4.3). Needs the person's masses in the model. Off by default: `experiments/inertia_correction.py`
+      measures what it does.
+    - `inertia_cutoff`: Hz, of the smoothing spline that e' and e'' are taken from; that of the marker filter.
     - `given`: rad/Nm for joints (or degrees of freedom) whose compliance is already known from other recordings
       (section 8.2); it replaces the estimate in the reference trajectory.
     - `given_sd`: rad/Nm, standard deviation of the given values, zero where not stated.
@@ -57,6 +61,8 @@ class EstimationOptions:
     source: Literal["event", "session"] = "event"
     blend: float = 0.05
     joints: tuple[str, ...] = ()
+    inertia: bool = False
+    inertia_cutoff: float = 20.0
     given: dict[str, float] = dataclasses.field(default_factory=dict)
     given_sd: dict[str, float] = dataclasses.field(default_factory=dict)
 
@@ -77,6 +83,8 @@ class EstimationOptions:
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"{name} = {value}: must be zero or more")
+        if not (math.isfinite(self.inertia_cutoff) and self.inertia_cutoff > 0):
+            raise ValueError(f"inertia_cutoff = {self.inertia_cutoff}: must be above 0 Hz")
         if self.source not in ("event", "session"):
             raise ValueError(f"source = {self.source!r}: must be 'event' or 'session'")
         for name in ("given", "given_sd"):

@@ -10,7 +10,10 @@ import numpy as np
 from icjax.model import Model, neutral, world_jacobian
 from icjax.recording import Recording
 from icjax.running import on_full_blocks
-from icjax.typing import Bool, Float, Real
+from icjax.typing import Bool, Float, Int, Real
+
+BLOCK = 2048
+"""Rows of one compiled call."""
 
 
 def joint_torque(recording: Recording) -> Float[Real, "time dof"]:
@@ -38,7 +41,35 @@ def joint_torque(recording: Recording) -> Float[Real, "time dof"]:
         recording.contact_moment,
         recording.touching,
         recording.valid,
+        block=BLOCK,
     )
+
+
+def endpoint_jacobian(
+    recording: Recording, frames: Int[np.ndarray, " row"], channels: Int[np.ndarray, " row"]
+) -> Float[np.ndarray, "row 3 dof"]:
+    """Velocity of the contact point a unit of joint velocity, J_i of Eq. 4, at chosen frames and contact channels.
+
+    Its rows are the torques of forces of 1 N along the world axes, so that the program of `joint_torque` serves.
+    """
+    count, contacts = 3 * len(frames), len(recording.contact_names)
+    frames, channels = np.repeat(frames, 3), np.repeat(channels, 3)
+    force = np.zeros((count, contacts, 3))
+    force[np.arange(count), channels] = np.tile(np.eye(3), (count // 3, 1))
+    touching = np.zeros((count, contacts), dtype=bool)
+    touching[np.arange(count), channels] = True
+    bodies = tuple(body_index(recording.model, name) for name in recording.contact_bodies)
+    torque = on_full_blocks(
+        partial(_all_frames, recording.model, bodies),
+        np.asarray(recording.q)[frames],
+        force,
+        np.asarray(recording.contact_point)[frames],
+        np.zeros_like(force),
+        touching,
+        np.asarray(recording.valid)[frames],
+        block=len(recording.time) + -len(recording.time) % BLOCK,  # the shape that joint_torque has compiled
+    )
+    return np.asarray(torque).reshape(-1, 3, recording.model.nv)
 
 
 def contact_torque(

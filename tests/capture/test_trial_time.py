@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from icjax.capture._trial_time import check_force_times, common_time, even_markers
+from icjax.capture._trial_time import check_even, common_time, even_markers
 from icjax.files import FileError, MotionFile
 
 RATE = 120.0
@@ -69,12 +69,12 @@ def test_times_that_cannot_be_evened_out_are_refused(tmp_path):
 def test_a_hole_in_the_forces_is_refused(tmp_path):
     path = tmp_path / "walk.mot"
     motion = trial()
-    check_force_times(motion, path)
+    check_even(motion.analog_time, path, "force")
     time = motion.analog_time
     with pytest.raises(FileError, match="force times are not evenly spaced: .* after sample 100 "):
-        check_force_times(samples(motion, np.r_[0:100, 200 : len(time)]), path)
+        check_even(motion.analog_time[np.r_[0:100, 200 : len(time)]], path, "force")
     with pytest.raises(FileError, match="holds 1 force sample"):
-        check_force_times(samples(motion, np.r_[0:1]), path)
+        check_even(motion.analog_time[np.r_[0:1]], path, "force")
 
 
 def test_frames_without_a_force_are_left_out(tmp_path):

@@ -82,8 +82,13 @@ def test_verbs_follow_each_other(demo, tmp_path, capsys):
     assert "500" in told
     assert "trial00" in told
     assert main(["capture", str(session), "--out", str(tmp_path)]) == 0
-    assert main(["estimate", str(tmp_path / "recording.nc"), "--all"]) == 0
-    assert "rad/Nm" in capsys.readouterr().out
+    assert main(["estimate", str(tmp_path / "recording.nc"), "--all", "--explain"]) == 0
+    told = capsys.readouterr().out
+    assert "rad/Nm" in told
+    lines = [line for line in told.splitlines() if line.startswith("trial00 ")]
+    assert len(lines) == 2 * 4  # contacts times joints
+    assert all(any(word in line for word in ("accepted: ", "negative: ", "not excited: ")) for line in lines)
+    assert "stable over windows and degrees, of 2 events: wrist " in told
     scene = tmp_path / "slope.toml"
     scene.write_text(
         'name = "slope"\nfriction = 0.4\n[[surface]]\nname = "slope"\nshape = "plane"\n'
