@@ -1,5 +1,6 @@
 """The capture pipeline: files of a session in, a `Session` out."""
 
+import dataclasses
 import importlib.metadata
 import json
 from collections.abc import Callable
@@ -7,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from icjax.capture._cells import CellForces, cell_contact, pad_point, touched_body, world_wrench
 from icjax.capture._contact_point import contact_points
 from icjax.capture._events import contact_events, force_course
 from icjax.capture._filters import HIGHEST_CUTOFF, lowpass
@@ -14,10 +16,10 @@ from icjax.capture._joint_angles import JointAngles, joint_angles
 from icjax.capture._load import load_trial
 from icjax.capture._sensors import SensorWrench, sensor_wrench
 from icjax.capture._spec import SessionSpec, TrialSpec
-from icjax.capture._synchronise import on_marker_clock
+from icjax.capture._synchronise import on_marker_clock, resampled
 from icjax.files import FileError, MotionFile
 from icjax.model import Model
-from icjax.recording import ContactEvents, Recording, SensorChannels, Session
+from icjax.recording import NORMAL_ONLY, ContactEvents, Recording, SensorChannels, Session
 
 
 def capture(
@@ -77,9 +79,14 @@ def capture_trial(spec: SessionSpec, trial: TrialSpec, progress: Callable[[float
         bodies.append(body)
         least = max(course.onset, _moment_noise(sensor, spec.filter.forces) / spec.contact.point_sd)
         try:
-            point[:, index], moment[:, index] = contact_points(
-                wrench, touching[:, index], sensor.surface, centre, radius, least
-            )
+            if sensor.pressing is not None:
+                pressing = resampled(sensor.pressing, sensor.time, sensor.rate, time, spec.filter.forces)
+                cells, source = CellForces(wrench, pressing), spec.source(sensor.name)
+                contact = cell_contact(spec.model, source, target, angles, cells, touching[:, index])
+                force[:, index], point[:, index], moment[:, index] = contact
+                touching[:, index] &= np.isfinite(contact.point).all(axis=1)
+                continue
+            point[:, index], moment[:, index] = _points(sensor, wrench, touching[:, index], centre, radius, least)
         except ValueError as error:
             raise FileError(spec.path, f"[[trial]] '{trial.name}': {error}") from error
         force[:, index] = np.where(touching[:, index, None], wrench[:, 3:], 0.0)
@@ -109,9 +116,10 @@ def capture_trial(spec: SessionSpec, trial: TrialSpec, progress: Callable[[float
         marker_names=names,
         markers=markers,
         marker_residual=angles.residual,
-        channels=_channels(sensors),
+        channels=_channels(sensors, spec, trial, angles, time),
         friction=trial.friction,
         provenance=_provenance(spec, trial, motion, angles, thresholds),
+        contact_kinds=tuple(spec.source(sensor.name).kind for sensor in sensors),
     )
 
 
@@ -143,6 +151,27 @@ def _target(model: Model, target: str, angles: JointAngles) -> tuple[str, np.nda
     return model.body_names[body], centre, float(np.asarray(model.pad_radius)[pad])
 
 
+def _points(
+    sensor: SensorWrench,
+    wrench: np.ndarray,
+    touching: np.ndarray,
+    centre: np.ndarray | None,
+    radius: float,
+    least: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Contact points and free moments; on a surface that moves, they are found in its place at rest and carried."""
+    carrier = sensor.carrier
+    if carrier is None:
+        return contact_points(wrench, touching, sensor.surface, centre, radius, least)
+    R, origin = carrier.rotation, carrier.carried(np.zeros(3))
+    force = np.einsum("fji,fj->fi", R, wrench[:, 3:])
+    about = np.einsum("fji,fj->fi", R, wrench[:, :3] - np.cross(origin, wrench[:, 3:]))
+    at_rest = None if centre is None else carrier.at_rest(centre)
+    wrench = np.concatenate([about, force], axis=1)
+    point, free = contact_points(wrench, touching, sensor.surface, at_rest, radius, least)
+    return carrier.carried(point), np.einsum("fij,fj->fi", R, free)
+
+
 def _moment_noise(sensor: SensorWrench, cutoff: float) -> float:
     """Standard deviation of the filtered moment about the surface's point, Nm; zero if nothing was tared."""
     if sensor.surface is None or sensor.unloaded.sum() <= 10:
@@ -152,17 +181,32 @@ def _moment_noise(sensor: SensorWrench, cutoff: float) -> float:
     return float(np.sqrt(np.nanmean(np.nanvar(filtered, axis=0))))
 
 
-def _channels(sensors: tuple[SensorWrench, ...]) -> SensorChannels:
+def _channels(
+    sensors: tuple[SensorWrench, ...], spec: SessionSpec, trial: TrialSpec, angles: JointAngles, frames: np.ndarray
+) -> SensorChannels:
     if not sensors:
         return SensorChannels(sensor_names=(), time=np.zeros(0), wrench=np.zeros((0, 0, 6)))
+    wrenches = []
+    for sensor, (name, target) in zip(sensors, trial.touches, strict=True):
+        wrench, source = sensor.wrench, spec.source(name)
+        if sensor.pressing is not None and source.frame == "body":
+            if source.cells[0].position is None:
+                place = pad_point(spec.model, target, source)
+                wrench = np.concatenate([np.cross(place[None, :], wrench[:, 3:]), wrench[:, 3:]], axis=1)
+            body = touched_body(spec.model, target)
+            wrench = world_wrench(
+                wrench, sensor.time, frames, angles.body_rotations[:, body], angles.body_positions[:, body]
+            )
+        wrenches.append(wrench)
     return SensorChannels(
         sensor_names=tuple(sensor.name for sensor in sensors),
         time=sensors[0].time,
-        wrench=np.stack([sensor.wrench for sensor in sensors], axis=1),
+        wrench=np.stack(wrenches, axis=1),
     )
 
 
 def _provenance(spec: SessionSpec, trial: TrialSpec, motion: MotionFile, angles: JointAngles, thresholds: dict) -> str:
+    clock = motion.metadata.get("clock")
     return json.dumps(
         {
             "made_by": f"icjax {importlib.metadata.version('icjax')} capture",
@@ -181,6 +225,11 @@ def _provenance(spec: SessionSpec, trial: TrialSpec, motion: MotionFile, angles:
             "marker_sd_m": angles.marker_sd,
             "placement_sd_m": spec.placement_sd,
             "contact_thresholds_n": thresholds,
+            "force_clock": None if clock is None else dataclasses.asdict(clock),
+            "normal_only": [name for name, _ in trial.touches if spec.source(name).kind in NORMAL_ONLY],
+            "calibrations": {
+                source.name: source.calibration.name for source in spec.sources if source.calibration is not None
+            },
             "notes": list(motion.notes),
         }
     )

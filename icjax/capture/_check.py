@@ -4,11 +4,14 @@ import dataclasses
 
 import numpy as np
 
+from icjax.capture._align import pulse_errors
 from icjax.capture._capture import session_markers
+from icjax.capture._cells import beyond_calibration
 from icjax.capture._load import load_trial
 from icjax.capture._sensors import sensor_wrench
 from icjax.capture._spec import SessionSpec, SourceSpec, TrialSpec
 from icjax.files import FileError, MotionFile
+from icjax.recording import NORMAL_ONLY
 
 ERROR, SUSPICIOUS = "error: ", "suspicious: "
 """How lines begin that name what capture would refuse, and what it would accept but a person should look at."""
@@ -21,6 +24,12 @@ MANY_GAPS = 0.2
 
 BASELINE = 10.0
 """An unloaded force above ten times the noise is an offset worth knowing (it is subtracted)."""
+
+NO_TANGENTIAL = "only the normal force is measured; joint torques are biased and friction is unknown"
+"""What every result from such a sensor has to say."""
+
+LATE_PULSE = 1.0
+"""Samples; sync pulses of a shared acquisition that come later or earlier than this say that the clocks differ."""
 
 FLAT_TOP = 10
 """Successive samples that equal the largest value of a channel: it saturates."""
@@ -51,6 +60,9 @@ def check(spec: SessionSpec) -> list[str]:
             motion = load_trial(spec, trial)
             lines += [f"trial '{trial.name}' ({trial.role}): {text}" for text in _understood(spec, motion)]
             doubts = _marker_doubts(spec, motion) + _force_doubts(spec, trial, motion)
+            pulses, late = _pulses(spec, trial, motion)
+            lines += [f"trial '{trial.name}' ({trial.role}): {text}" for text in pulses]
+            doubts += late
             lines += [f"{SUSPICIOUS}trial '{trial.name}': {text}" for text in doubts]
             session_markers(spec, motion, trial.markers)
         except FileError as error:
@@ -60,8 +72,14 @@ def check(spec: SessionSpec) -> list[str]:
 
 def _source_line(source: SourceSpec) -> str:
     what = f"plate {source.plate} of the file" if source.kind == "force_plate" else ", ".join(source.channels)
+    if source.kind in NORMAL_ONLY:
+        what += f"; {source.frame} axes"
+        what += f"; calibrated by {source.calibration.name}" if source.calibration else "; not calibrated"
+    if source.top is not None:
+        what += f"; {1e3 * source.top.mass:g} g above it move with "
+        what += ", ".join(source.top.markers or source.top.accelerometer)
     tare = ", ".join(f"{a:g} to {b:g} s" for a, b in source.tare) or "none"
-    place = "" if source.kind == "force_plate" else f", moments about {source.position} m"
+    place = "" if source.kind in ("force_plate", *NORMAL_ONLY) else f", moments about {source.position} m"
     return f"source '{source.name}': {source.kind} ({what}), force {source.sign.replace('_', ' ')}{place}; tare {tare}"
 
 
@@ -71,6 +89,9 @@ def _session_doubts(spec: SessionSpec) -> list[str]:
     for source in spec.sources:
         if not source.tare and not all(trial.tare for trial in spec.trials):
             doubts.append(f"source '{source.name}' has no tare window; its offset stays in the forces")
+    blind = [source.name for source in spec.sources if source.kind in NORMAL_ONLY]
+    if blind:
+        doubts.append(f"{', '.join(blind)}: {NO_TANGENTIAL}")
     if not any(trial.role == "catch" for trial in spec.trials):
         doubts.append("no catch trials: a planned deceleration cannot be told from compliance")
     marked = {model.site_bodies[model.site(site)] for _, site in spec.markers}
@@ -98,6 +119,8 @@ def _understood(spec: SessionSpec, motion: MotionFile) -> list[str]:
         lines.append(
             f"force plate {number}: type {plate.type}, {sides[0]:.3f} by {sides[1]:.3f} m, centre ({centre}) m"
         )
+    if "clock" in motion.metadata:
+        lines.append(f"forces have a clock of their own: {motion.metadata['clock'].described()}")
     gaps = []
     for label, _ in spec.markers:
         if label in motion.marker_names:
@@ -150,6 +173,9 @@ def _force_doubts(spec: SessionSpec, trial: TrialSpec, motion: MotionFile) -> li
                 doubts.append(
                     f"channel '{label}' stays at its largest value {np.nanmax(np.abs(channel)):g}; saturated?"
                 )
+        beyond = beyond_calibration(motion, source)
+        if beyond > 0:
+            doubts.append(f"source '{name}' is above its calibrated range in {100 * beyond:.1f} % of the samples")
         if sensor.unloaded.any():
             quiet = sensor.wrench[sensor.unloaded, 3:]
             offset = np.linalg.norm(_untared(spec, trial, motion, source)[sensor.unloaded, 3:].mean(axis=0))
@@ -162,9 +188,27 @@ def _force_doubts(spec: SessionSpec, trial: TrialSpec, motion: MotionFile) -> li
     return doubts
 
 
+def _pulses(spec: SessionSpec, trial: TrialSpec, motion: MotionFile) -> tuple[list[str], list[str]]:
+    """How far the sync pulses of a shared acquisition are off, and whether that is too far."""
+    if spec.clock is None or spec.clock.period is None or trial.forces is not None:
+        return [], []
+    try:
+        errors = pulse_errors(spec.clock, motion)
+    except FileError:
+        raise
+    except ValueError as error:
+        return [], [f"channel '{spec.clock.sync}' {error}"]
+    if not len(errors):
+        return [], [f"channel '{spec.clock.sync}' shows no pulse"]
+    largest = float(errors[np.argmax(np.abs(errors))])
+    told = f"{len(errors)} sync pulses, at most {1e3 * largest:+.2f} ms off the marker clock"
+    late = [told + "; are the clocks shared?"] if abs(largest) > LATE_PULSE / motion.analog_rate else []
+    return [told + f" (one sample is {1e3 / motion.analog_rate:g} ms)"], late
+
+
 def _untared(spec: SessionSpec, trial: TrialSpec, motion: MotionFile, source: SourceSpec) -> np.ndarray:
     return sensor_wrench(
-        motion, dataclasses.replace(trial, tare=()), dataclasses.replace(source, tare=()), spec.path
+        motion, dataclasses.replace(trial, tare=()), dataclasses.replace(source, tare=(), top=None), spec.path
     ).wrench
 
 

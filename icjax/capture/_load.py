@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from icjax.capture._align import trial_clock
 from icjax.capture._filters import HIGHEST_CUTOFF
 from icjax.capture._spec import SessionSpec, TrialSpec
 from icjax.files import FileError, MotionFile, read_c3d, read_csv, read_sto, read_trc
@@ -17,11 +18,15 @@ READERS = {".c3d": read_c3d, ".trc": read_trc, ".sto": read_sto, ".mot": read_st
 def load_trial(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
     """Markers and forces of a trial on one time axis: from one file, or from one file each.
 
+    Forces of a separate acquisition are put on the marker clock where the session says how ([clock]); the `Clock` is
+    then `metadata["clock"]`.
+
     **Errors**: `FileError` of the reader, or when the format is unknown, no marker or no force is found where the
     session needs it, times do not increase, the two files do not overlap in time, or a cut-off that the session
     states is too high for the rate that it is applied at.
     """
     motion = _read(trial.markers, spec.columns, None if trial.forces is None else "markers")
+    alone = motion
     if trial.forces is not None:
         forces = _read(trial.forces, spec.columns, "channels")
         motion = dataclasses.replace(
@@ -34,6 +39,15 @@ def load_trial(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
             plates=forces.plates,
             notes=motion.notes + forces.notes,
         )
+        _increasing(trial.forces, motion.analog_time, "analog")
+        clock = trial_clock(spec, trial, alone, motion)
+        if clock is not None:
+            motion = dataclasses.replace(
+                motion,
+                analog_time=clock.on_marker_clock(motion.analog_time),
+                analog_rate=motion.analog_rate * (1.0 + clock.drift),
+                metadata={**motion.metadata, "clock": clock},
+            )
     if not len(motion.marker_time):
         raise FileError(trial.markers, "holds no markers")
     force_file = trial.forces or trial.markers
@@ -41,9 +55,7 @@ def load_trial(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
         (trial.markers, motion.marker_time, "marker"),
         (force_file, motion.analog_time, "analog"),
     ):
-        wrong = np.flatnonzero(~(np.diff(time) > 0))
-        if len(wrong):
-            raise FileError(path, f"{what} time does not increase after sample {wrong[0] + 1} ({time[wrong[0]]:g} s)")
+        _increasing(path, time, what)
     if trial.touches and not motion.analog.size:
         raise FileError(force_file, f"holds no forces, but trial '{trial.name}' touches '{trial.touches[0][0]}'")
     if trial.touches and (
@@ -60,6 +72,12 @@ def load_trial(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
                 f"at most {HIGHEST_CUTOFF * rate:g} Hz",
             )
     return motion
+
+
+def _increasing(path: Path, time: np.ndarray, what: str) -> None:
+    wrong = np.flatnonzero(~(np.diff(time) > 0))
+    if len(wrong):
+        raise FileError(path, f"{what} time does not increase after sample {wrong[0] + 1} ({time[wrong[0]]:g} s)")
 
 
 def _read(path: Path, columns: Mapping[str, Any], part: str | None) -> MotionFile:
