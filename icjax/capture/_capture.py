@@ -8,18 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from icjax.capture._cells import CellForces, cell_contact, pad_point, touched_body, world_wrench
-from icjax.capture._contact_point import contact_points
-from icjax.capture._events import contact_events, force_course
-from icjax.capture._filters import HIGHEST_CUTOFF, lowpass
+from icjax.capture._contacts import sensor_channels, trial_contacts
 from icjax.capture._joint_angles import JointAngles, joint_angles
 from icjax.capture._load import load_trial
-from icjax.capture._sensors import SensorWrench, sensor_wrench
+from icjax.capture._sensors import sensor_wrench
 from icjax.capture._spec import SessionSpec, TrialSpec
-from icjax.capture._synchronise import on_marker_clock, resampled
 from icjax.files import FileError, MotionFile
-from icjax.model import Model
-from icjax.recording import NORMAL_ONLY, ContactEvents, Recording, SensorChannels, Session
+from icjax.recording import NORMAL_ONLY, ContactEvents, Recording, Session
 
 
 def capture(
@@ -54,44 +49,16 @@ def capture(
 def capture_trial(spec: SessionSpec, trial: TrialSpec, progress: Callable[[float], None] | None = None) -> Recording:
     """One trial of a session, see `capture`."""
     motion = load_trial(spec, trial)
-    sensors = tuple(sensor_wrench(motion, trial, spec.source(name), spec.path) for name, _ in trial.touches)
+    sources = tuple(spec.source(name) for name in dict.fromkeys(name for name, _ in trial.touches))
+    sensors = tuple(sensor_wrench(motion, trial, source, spec.path) for source in sources)
     names, markers = session_markers(spec, motion, trial.markers)
     sites = tuple(spec.model.site(dict(spec.markers)[name]) for name in names)
     angles = joint_angles(
         spec.model, sites, markers, motion.marker_rate, spec.filter.markers, spec.placement_sd, progress
     )
     time = motion.marker_time
-    count = len(trial.touches)
-    force, point, moment = (np.zeros((len(time), count, 3)) for _ in range(3))
-    touching = np.zeros((len(time), count), bool)
-    events: list[tuple[float, float, int]] = []
-    bodies, thresholds = [], {}
-    for index, (sensor, (_, target)) in enumerate(zip(sensors, trial.touches, strict=True)):
-        course = force_course(sensor, spec.filter.events, spec.contact)
-        found = contact_events(course, spec.contact)
-        thresholds[sensor.name] = {"noise": course.noise, "onset": course.onset, "release": course.release}
-        events += [(onset, release, index) for onset, release in found]
-        for onset, release in found:
-            touching[:, index] |= (time >= onset) & ~(time > release)
-        wrench = on_marker_clock(sensor, time, spec.filter.forces)
-        touching[:, index] &= np.isfinite(wrench).all(axis=1)
-        body, centre, radius = _target(spec.model, target, angles)
-        bodies.append(body)
-        least = max(course.onset, _moment_noise(sensor, spec.filter.forces) / spec.contact.point_sd)
-        try:
-            if sensor.pressing is not None:
-                pressing = resampled(sensor.pressing, sensor.time, sensor.rate, time, spec.filter.forces)
-                cells, source = CellForces(wrench, pressing), spec.source(sensor.name)
-                contact = cell_contact(spec.model, source, target, angles, cells, touching[:, index])
-                force[:, index], point[:, index], moment[:, index] = contact
-                touching[:, index] &= np.isfinite(contact.point).all(axis=1)
-                continue
-            point[:, index], moment[:, index] = _points(sensor, wrench, touching[:, index], centre, radius, least)
-        except ValueError as error:
-            raise FileError(spec.path, f"[[trial]] '{trial.name}': {error}") from error
-        force[:, index] = np.where(touching[:, index, None], wrench[:, 3:], 0.0)
-        thresholds[sensor.name]["centre_of_pressure_above"] = least
-    events.sort()
+    contacts = trial_contacts(spec, trial, sensors, angles, time)
+    events = contacts.events
     return Recording(
         name=trial.name,
         role=trial.role,
@@ -102,12 +69,12 @@ def capture_trial(spec: SessionSpec, trial: TrialSpec, progress: Callable[[float
         q_covariance=angles.covariance,
         q_offset_sd=angles.offset_sd,
         valid=angles.valid,
-        contact_names=tuple(sensor.name for sensor in sensors),
-        contact_bodies=tuple(bodies),
-        contact_force=force,
-        contact_point=point,
-        contact_moment=moment,
-        touching=touching,
+        contact_names=contacts.names,
+        contact_bodies=contacts.bodies,
+        contact_force=contacts.force,
+        contact_point=contacts.point,
+        contact_moment=contacts.moment,
+        touching=contacts.touching,
         events=ContactEvents(
             onset=np.array([item[0] for item in events]),
             release=np.array([item[1] for item in events]),
@@ -116,10 +83,10 @@ def capture_trial(spec: SessionSpec, trial: TrialSpec, progress: Callable[[float
         marker_names=names,
         markers=markers,
         marker_residual=angles.residual,
-        channels=_channels(sensors, spec, trial, angles, time),
+        channels=sensor_channels(spec, trial, sensors, angles, time),
         friction=trial.friction,
-        provenance=_provenance(spec, trial, motion, angles, thresholds),
-        contact_kinds=tuple(spec.source(sensor.name).kind for sensor in sensors),
+        provenance=_provenance(spec, trial, motion, angles, contacts.thresholds),
+        contact_kinds=tuple(spec.source(name).kind for name, _ in trial.touches),
     )
 
 
@@ -138,71 +105,6 @@ def session_markers(spec: SessionSpec, motion: MotionFile, path: Path) -> tuple[
         if not np.isfinite(columns[-1]).all(axis=1).any():
             raise FileError(path, f"marker '{name}' is missing in every frame")
     return names, np.stack(columns, axis=1)
-
-
-def _target(model: Model, target: str, angles: JointAngles) -> tuple[str, np.ndarray | None, float]:
-    """Body that a source touches; centre and radius of its pad, if it is a pad."""
-    if target not in model.pad_names:
-        return target, None, 0.0
-    pad = model.pad(target)
-    body = model.pad_bodies[pad]
-    place = np.asarray(model.pad_centre)[pad]
-    centre = angles.body_rotations[:, body] @ place + angles.body_positions[:, body]
-    return model.body_names[body], centre, float(np.asarray(model.pad_radius)[pad])
-
-
-def _points(
-    sensor: SensorWrench,
-    wrench: np.ndarray,
-    touching: np.ndarray,
-    centre: np.ndarray | None,
-    radius: float,
-    least: float,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Contact points and free moments; on a surface that moves, they are found in its place at rest and carried."""
-    carrier = sensor.carrier
-    if carrier is None:
-        return contact_points(wrench, touching, sensor.surface, centre, radius, least)
-    R, origin = carrier.rotation, carrier.carried(np.zeros(3))
-    force = np.einsum("fji,fj->fi", R, wrench[:, 3:])
-    about = np.einsum("fji,fj->fi", R, wrench[:, :3] - np.cross(origin, wrench[:, 3:]))
-    at_rest = None if centre is None else carrier.at_rest(centre)
-    wrench = np.concatenate([about, force], axis=1)
-    point, free = contact_points(wrench, touching, sensor.surface, at_rest, radius, least)
-    return carrier.carried(point), np.einsum("fij,fj->fi", R, free)
-
-
-def _moment_noise(sensor: SensorWrench, cutoff: float) -> float:
-    """Standard deviation of the filtered moment about the surface's point, Nm; zero if nothing was tared."""
-    if sensor.surface is None or sensor.unloaded.sum() <= 10:
-        return 0.0
-    about = sensor.wrench[:, :3] - np.cross(np.array(sensor.surface.point)[None, :], sensor.wrench[:, 3:])
-    filtered = lowpass(about, sensor.rate, min(cutoff, HIGHEST_CUTOFF * sensor.rate))[sensor.unloaded]
-    return float(np.sqrt(np.nanmean(np.nanvar(filtered, axis=0))))
-
-
-def _channels(
-    sensors: tuple[SensorWrench, ...], spec: SessionSpec, trial: TrialSpec, angles: JointAngles, frames: np.ndarray
-) -> SensorChannels:
-    if not sensors:
-        return SensorChannels(sensor_names=(), time=np.zeros(0), wrench=np.zeros((0, 0, 6)))
-    wrenches = []
-    for sensor, (name, target) in zip(sensors, trial.touches, strict=True):
-        wrench, source = sensor.wrench, spec.source(name)
-        if sensor.pressing is not None and source.frame == "body":
-            if source.cells[0].position is None:
-                place = pad_point(spec.model, target, source)
-                wrench = np.concatenate([np.cross(place[None, :], wrench[:, 3:]), wrench[:, 3:]], axis=1)
-            body = touched_body(spec.model, target)
-            wrench = world_wrench(
-                wrench, sensor.time, frames, angles.body_rotations[:, body], angles.body_positions[:, body]
-            )
-        wrenches.append(wrench)
-    return SensorChannels(
-        sensor_names=tuple(sensor.name for sensor in sensors),
-        time=sensors[0].time,
-        wrench=np.stack(wrenches, axis=1),
-    )
 
 
 def _provenance(spec: SessionSpec, trial: TrialSpec, motion: MotionFile, angles: JointAngles, thresholds: dict) -> str:

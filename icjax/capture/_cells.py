@@ -83,7 +83,7 @@ def cell_contact(
     force, first = forces.wrench[:, 3:], forces.pressing
     touching = touching & (first[:, 3] > 0)
     if source.cells[0].position is None:
-        point, moment = _on_pad(model, target, source, angles), np.zeros_like(force)
+        point, moment = pad_place(model, target, source, angles), np.zeros_like(force)
     else:
         point = first[:, :3] / np.where(touching, first[:, 3], 1.0)[:, None]
         moment = forces.wrench[:, :3] - np.cross(point, force)
@@ -101,23 +101,20 @@ def touched_body(model: Model, target: str) -> int:
     return model.pad_bodies[model.pad(target)] if target in model.pad_names else model.body(target)
 
 
-def pad_point(model: Model, target: str, source: SourceSpec) -> Float[np.ndarray, "3"]:
-    """Where a sensor without a stated position acts: centre - radius n of the pad, m, body axes (n in them too)."""
-    pad = model.pad(target)
-    radius = float(np.asarray(model.pad_radius)[pad])
-    return np.asarray(model.pad_centre)[pad] - radius * np.array(source.cells[0].normal)
+def pad_place(model: Model, target: str, source: SourceSpec, angles: JointAngles) -> Float[np.ndarray, "frame 3"]:
+    """Where a sensor without a stated position acts, centre - radius n of the pad, m, in the source's frame.
 
-
-def _on_pad(model: Model, target: str, source: SourceSpec, angles: JointAngles) -> np.ndarray:
-    """The place on the pad in the source's frame, `[frame, 3]`. **Errors**: `ValueError` when it is no pad."""
+    **Errors**: `ValueError` when the target is not a pad.
+    """
     if target not in model.pad_names:
         raise ValueError(f"source '{source.name}' needs the key 'point', because '{target}' is not a pad")
-    if source.frame == "body":
-        return np.tile(pad_point(model, target, source), (len(angles.q), 1))
     pad = model.pad(target)
     body = model.pad_bodies[pad]
-    centre = angles.body_rotations[:, body] @ np.asarray(model.pad_centre)[pad] + angles.body_positions[:, body]
-    return centre - float(np.asarray(model.pad_radius)[pad]) * np.array(source.cells[0].normal)
+    inward = float(np.asarray(model.pad_radius)[pad]) * np.array(source.cells[0].normal)
+    centre = np.asarray(model.pad_centre)[pad]
+    if source.frame == "body":
+        return np.tile(centre - inward, (len(angles.q), 1))
+    return angles.body_rotations[:, body] @ centre + angles.body_positions[:, body] - inward
 
 
 def world_wrench(

@@ -157,7 +157,7 @@ def _marker_doubts(spec: SessionSpec, motion: MotionFile) -> list[str]:
 
 def _force_doubts(spec: SessionSpec, trial: TrialSpec, motion: MotionFile) -> list[str]:
     doubts = []
-    for name, _ in trial.touches:
+    for name in dict.fromkeys(name for name, _ in trial.touches):
         source = spec.source(name)
         sensor = sensor_wrench(motion, trial, source, spec.path)
         used = motion.plates[source.plate - 1].channels if source.plate else _columns(motion, source)

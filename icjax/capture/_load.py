@@ -25,10 +25,10 @@ def load_trial(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
     session needs it, times do not increase, the two files do not overlap in time, or a cut-off that the session
     states is too high for the rate that it is applied at.
     """
-    motion = _read(trial.markers, spec.columns, None if trial.forces is None else "markers")
+    motion = read_motion(trial.markers, spec.columns, None if trial.forces is None else "markers")
     alone = motion
     if trial.forces is not None:
-        forces = _read(trial.forces, spec.columns, "channels")
+        forces = read_motion(trial.forces, spec.columns, "channels")
         motion = dataclasses.replace(
             motion,
             analog_names=forces.analog_names,
@@ -80,7 +80,11 @@ def _increasing(path: Path, time: np.ndarray, what: str) -> None:
         raise FileError(path, f"{what} time does not increase after sample {wrong[0] + 1} ({time[wrong[0]]:g} s)")
 
 
-def _read(path: Path, columns: Mapping[str, Any], part: str | None) -> MotionFile:
+def read_motion(path: Path, columns: Mapping[str, Any], part: str | None = None) -> MotionFile:
+    """A file by its format; of a CSV file only the "markers" or the "channels", or both (None).
+
+    **Errors**: `FileError` of the reader, or for an unknown format.
+    """
     kind = path.suffix.lower()
     if kind in READERS:
         return READERS[kind](path)

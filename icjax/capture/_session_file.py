@@ -9,7 +9,7 @@ from icjax.capture._source_file import read_source, windows
 from icjax.capture._spec import ClockSpec, ContactSpec, FilterSpec, SessionSpec, SourceSpec, TrialSpec
 from icjax.files import FileError, Table, read_toml
 from icjax.model import Model, index_finger, load_model
-from icjax.recording import ROLES
+from icjax.recording import NORMAL_ONLY, ROLES
 
 PLACEMENT_SD = 0.001
 """m; how well a marker sits on its site where the session does not say: one millimetre."""
@@ -186,9 +186,12 @@ def _trial(table: Table, folder: Path, model: Model, sources: tuple[SourceSpec, 
     if (file is None) == (markers is None) or (file is not None and forces is not None):
         raise table.error("needs either the key 'file' or the key 'markers' (with 'forces')")
     touches = table.table("touches", None)
-    pairs = () if touches is None else touches.pairs()
+    pairs = () if touches is None else _touched(touches)
     for source, body in pairs:
         known = [item.name for item in sources]
+        blind = [item.name for item in sources if item.kind in NORMAL_ONLY and item.frame == "body"]
+        if source in blind and [name for name, _ in pairs].count(source) > 1:
+            raise table.error(f"key 'touches' names two bodies for '{source}', a sensor that one body carries")
         if source not in known:
             raise table.error(f"key 'touches' names the unknown source '{source}'; known: {', '.join(known) or 'none'}")
         if body not in model.pad_names and body not in model.body_names[1:]:
@@ -206,6 +209,15 @@ def _trial(table: Table, folder: Path, model: Model, sources: tuple[SourceSpec, 
     )
     table.close()
     return spec
+
+
+def _touched(table: Table) -> tuple[tuple[str, str], ...]:
+    """Pairs (source, pad or body); a source may list several that touch it in turn."""
+    pairs = []
+    for source, value in table.content.items():
+        bodies = table.texts(source) if isinstance(value, list) else (table.text(source),)
+        pairs += [(source, body) for body in bodies]
+    return tuple(pairs)
 
 
 def _existing(table: Table, folder: Path, name: str, key: str) -> Path:

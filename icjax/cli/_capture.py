@@ -32,6 +32,11 @@ class Capture:
                 f"{len(recording.events.onset)} contacts, marker residual {1e3 * rms:.2f} mm RMS, "
                 f"{int((~recording.valid).sum())} frames without pose"
             )
+            if recording.normal_only:
+                print(
+                    f"  {recording.name}: normal force only at {', '.join(recording.normal_only)}; joint torques are "
+                    "biased (no tangential force) and friction is unknown"
+                )
         print(f"wrote {path}")
 
 
