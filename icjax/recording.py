@@ -10,6 +10,9 @@ from icjax.files import labelled, load_record, names, record_kind, save_record, 
 from icjax.model import Model
 from icjax.typing import Bool, Float, Int, Real
 
+NORMAL_ONLY = ("normal", "pressure_array")
+"""Kinds of instrument that measure no tangential force: torques are biased, friction is unknown."""
+
 ROLES = ("trial", "catch", "static", "range_of_motion")
 
 
@@ -65,6 +68,13 @@ class Recording(eqx.Module):
     channels: SensorChannels
     friction: float | None = static()  # of the touched surface, where the session states it
     provenance: str = static()  # JSON text: files, rates, units found, filters, versions, seed
+    contact_kinds: tuple[str, ...] = static(())  # instrument of each contact; empty in older files: all six components
+
+    @property
+    def normal_only(self) -> tuple[str, ...]:
+        """Names of the contacts whose instrument measures no tangential force."""
+        pairs = zip(self.contact_names, self.contact_kinds, strict=False)
+        return tuple(name for name, kind in pairs if kind in NORMAL_ONLY)
 
     @property
     def rate(self) -> float:

@@ -7,6 +7,7 @@ reads `virtual_sessions/*/session.json` and `hand_model.json` (never the truth) 
 """
 
 import json
+import math
 import sys
 from pathlib import Path
 
@@ -65,15 +66,15 @@ def _row(values) -> str:
     return " ".join(repr(float(value)) for value in values)
 
 
-def session_file(folder: str, session: dict, hand: dict, subject: str) -> str:
-    """TOML of one session."""
+def session_file(folder: str, session: dict, hand: dict, subject: str, daq: bool = False) -> str:
+    """TOML of one session; with `daq`, of the trial whose force a separately clocked acquisition recorded too."""
     sensor = hand["sensor"]
     rows = sensor["R_sensor_from_world"]
     rotation = [[rows[column][row] for column in range(3)] for row in range(3)]
     labels = [f"{name}{number}" for name in ("FA", "HA", "PP", "MP", "DP") for number in _numbers(hand, name)]
     lines = [
         "# Simulated with MuJoCo, independently of icjax; no person was measured. Written by make_virtual_sessions.py.",
-        f'name = "{folder}"',
+        f'name = "{folder}{"_daq" if daq else ""}"',
         f'subject = "{subject}"',
         f'folder = "${{ICJAX_SHARED_DATA}}/virtual_sessions/{folder}"',
         "",
@@ -94,6 +95,12 @@ def session_file(folder: str, session: dict, hand: dict, subject: str) -> str:
         f"surface = {{ point = [0.0, 0.0, {sensor['plate_top_z']}], normal = [0.0, 0.0, 1.0] }}",
         "tare = [0.0, 0.2]",
     ]
+    if daq:
+        lines += ["", "[clock]", 'sync = "SYNC"', "period = 1.0"]
+        trial = next(item for item in session["trials"] if item["trial"] == "trial00")
+        lines += ["", "[[trial]]", f'name = "{trial["trial"]}"', f'markers = "{trial["trial"]}_markers.csv"']
+        lines += [f'forces = "{trial["trial"]}_force_daq.csv"', 'touches = { plate = "fingertip" }']
+        return "\n".join([*lines, f"friction = {trial['friction']}"]) + "\n"
     friction = {item["trial"]: item.get("friction") for item in session["trials"]}
     for item in sorted(session["trials"], key=lambda item: "catch_of" in item):
         name = item["trial"]
@@ -103,6 +110,76 @@ def session_file(folder: str, session: dict, hand: dict, subject: str) -> str:
         lines.append('touches = { plate = "fingertip" }')
         if friction.get(name) is not None:
             lines.append(f"friction = {friction[name]}")
+    return "\n".join(lines) + "\n"
+
+
+def grasp_model(hand: dict) -> str:
+    """MJCF of the five-finger hand; pads are the fingertip spheres."""
+    children: dict[str, list[dict]] = {}
+    for item in hand["segments"]:
+        children.setdefault(item["parent"], []).append(item)
+
+    def body(item: dict, indent: str) -> str:
+        name = item["name"]
+        inner = children.get(name, [])
+        place = f'pos="{_row(item["offset"])}" quat="{_row(item["quat_wxyz"])}"'
+        lines = [f'{indent}<body name="{name}" {place}>']
+        for joint in item["joints"]:
+            axis = " ".join(f"{value:g}" for value in joint["axis"])
+            lines.append(f'{indent}  <joint name="{joint["name"]}" type="{joint["type"]}" axis="{axis}"/>')
+        length = max([math.dist(child["offset"], (0, 0, 0)) for child in inner], default=0.0) or 0.2
+        width = THICKNESS.get(name, THICKNESS["MP"])
+        shape = f'fromto="0 0 0 {(-length if name == "FA" else length)!r} 0 0" size="{width!r}"'
+        lines.append(f'{indent}  <geom type="cylinder" {shape} density="1000"/>')
+        for number, marker in enumerate(hand["markers"][name], 1):
+            lines.append(f'{indent}  <site name="{name}{number}" pos="{_row(marker)}"/>')
+        for child in inner:
+            if child["name"].endswith("_pad"):
+                finger = child["name"].removesuffix("_pad")
+                radius = hand["pad_radius"].get(finger, hand["pad_radius"]["other"])
+                lines.append(
+                    f'{indent}  <geom name="{finger}" class="pad" type="sphere" pos="{_row(child["offset"])}" '
+                    f'size="{radius!r}"/>'
+                )
+        text = "\n".join(lines) + "\n"
+        text += "".join(body(child, indent + "  ") for child in inner if not child["name"].endswith("_pad"))
+        return text + f"{indent}</body>\n"
+
+    return (
+        "<!-- Subject C of the simulated sessions: the kinematic model given with them (hand_model.json).\n"
+        "     Segment masses are those of water-filled cylinders. -->\n"
+        '<mujoco model="virtual_subject_C">\n'
+        '  <compiler angle="radian"/>\n  <default><default class="pad"><geom mass="0"/></default></default>\n'
+        f"  <worldbody>\n{''.join(body(item, '    ') for item in children['world'])}  </worldbody>\n</mujoco>\n"
+    )
+
+
+def grasp_file(session: dict, hand: dict) -> str:
+    """TOML of the five-finger session: normal-only sensors on the fingertips.
+
+    The object stands with its faces across x, the thumb beyond it: the force on the thumb points along -x, that
+    on the fingers along +x.
+    """
+    lines = [
+        "# Simulated with MuJoCo, independently of icjax; no person was measured. Written by make_virtual_sessions.py.",
+        'name = "grasp5"',
+        'subject = "C"',
+        'folder = "${ICJAX_SHARED_DATA}/virtual_sessions/grasp5"',
+        "",
+        "[model]",
+        'file = "models/virtual_subject_C.xml"',
+        "",
+        "[markers]",
+        *(f'{name}{i} = "{name}{i}"' for name, places in hand["markers"].items() for i in range(1, len(places) + 1)),
+    ]
+    for finger in hand["fingers"]:
+        lines += ["", "[[source]]", f'name = "{finger}"', 'kind = "normal"', f'channels = ["Fn_{finger}"]']
+        sign = -1.0 if finger == "thumb" else 1.0
+        lines += ['frame = "world"', f"normal = [{sign}, 0.0, 0.0]", "tare = [0.0, 0.2]"]
+    touches = ", ".join(f'{finger} = "{finger}"' for finger in hand["fingers"])
+    for item in session["trials"]:
+        lines += ["", "[[trial]]", f'name = "{item["trial"]}"', f'file = "{item["trial"]}.c3d"']
+        lines += [f"touches = {{ {touches} }}", f"friction = {item['friction']}"]
     return "\n".join(lines) + "\n"
 
 
@@ -118,6 +195,13 @@ def main(shared: Path) -> None:
         session = json.loads((source / "session.json").read_text())
         (HERE / f"virtual_{folder}.toml").write_text(session_file(folder, session, hand, subject))
         (HERE / "models" / f"virtual_subject_{subject}.xml").write_text(subject_model(hand, subject))
+        if folder == "explore":
+            (HERE / "virtual_explore_daq.toml").write_text(session_file(folder, session, hand, subject, daq=True))
+    source = shared / "virtual_sessions" / "grasp5"
+    hand = json.loads((source / "hand_model.json").read_text())
+    session = json.loads((source / "session.json").read_text())
+    (HERE / "virtual_grasp5.toml").write_text(grasp_file(session, hand))
+    (HERE / "models" / "virtual_subject_C.xml").write_text(grasp_model(hand))
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """The capture pipeline: files of a session in, a `Session` out."""
 
+import dataclasses
 import importlib.metadata
 import json
 from collections.abc import Callable
@@ -8,17 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from icjax.capture._angles import recorded_angles
-from icjax.capture._contact_point import contact_points
-from icjax.capture._events import contact_events, force_course
-from icjax.capture._filters import HIGHEST_CUTOFF, lowpass
+from icjax.capture._contacts import sensor_channels, trial_contacts
 from icjax.capture._joint_angles import JointAngles, joint_angles
 from icjax.capture._load import load_trial, read_movement
-from icjax.capture._sensors import SensorWrench, sensor_wrench
+from icjax.capture._sensors import sensor_wrench
 from icjax.capture._spec import SessionSpec, TrialSpec
-from icjax.capture._synchronise import on_marker_clock
 from icjax.files import FileError, MotionFile
-from icjax.model import Model
-from icjax.recording import ContactEvents, Recording, SensorChannels, Session
+from icjax.recording import NORMAL_ONLY, ContactEvents, Recording, Session
 
 FARTHEST = 1e3
 """m; no laboratory is larger."""
@@ -56,37 +53,12 @@ def capture(
 def capture_trial(spec: SessionSpec, trial: TrialSpec, progress: Callable[[float], None] | None = None) -> Recording:
     """One trial of a session, see `capture`."""
     motion = load_trial(spec, trial)
-    sensors = tuple(sensor_wrench(motion, trial, spec.source(name), spec.path) for name, _ in trial.touches)
+    sources = tuple(spec.source(name) for name in dict.fromkeys(name for name, _ in trial.touches))
+    sensors = tuple(sensor_wrench(motion, trial, source, spec.path) for source in sources)
     names, markers, angles = _movement(spec, trial, motion, progress)
     time = motion.marker_time
-    count = len(trial.touches)
-    force, point, moment = (np.zeros((len(time), count, 3)) for _ in range(3))
-    touching = np.zeros((len(time), count), bool)
-    events: list[tuple[float, float, int]] = []
-    bodies, thresholds = [], {}
-    for index, (sensor, (_, target)) in enumerate(zip(sensors, trial.touches, strict=True)):
-        course = force_course(sensor, spec.filter.events, spec.contact)
-        found = contact_events(course, spec.contact)
-        thresholds[sensor.name] = {"noise": course.noise, "onset": course.onset, "release": course.release}
-        # A force recording may be longer than the movement's; what it holds beside it is no event of the trial.
-        found = [(on, off) for on, off in found if on <= time[-1] and not off < time[0]]
-        events += [(onset, release, index) for onset, release in found]
-        for onset, release in found:
-            touching[:, index] |= (time >= onset) & ~(time > release)
-        wrench = on_marker_clock(sensor, time, spec.filter.forces)
-        touching[:, index] &= np.isfinite(wrench).all(axis=1)
-        body, centre, radius = _target(spec.model, target, angles)
-        bodies.append(body)
-        least = max(course.onset, _moment_noise(sensor, spec.filter.forces) / spec.contact.point_sd)
-        try:
-            point[:, index], moment[:, index] = contact_points(
-                wrench, touching[:, index], sensor.surface, centre, radius, least
-            )
-        except ValueError as error:
-            raise FileError(spec.path, f"[[trial]] '{trial.name}': {error}") from error
-        force[:, index] = np.where(touching[:, index, None], wrench[:, 3:], 0.0)
-        thresholds[sensor.name]["centre_of_pressure_above"] = least
-    events.sort()
+    contacts = trial_contacts(spec, trial, sensors, angles, time)
+    events = contacts.events
     return Recording(
         name=trial.name,
         role=trial.role,
@@ -97,12 +69,12 @@ def capture_trial(spec: SessionSpec, trial: TrialSpec, progress: Callable[[float
         q_covariance=angles.covariance,
         q_offset_sd=angles.offset_sd,
         valid=angles.valid,
-        contact_names=tuple(sensor.name for sensor in sensors),
-        contact_bodies=tuple(bodies),
-        contact_force=force,
-        contact_point=point,
-        contact_moment=moment,
-        touching=touching,
+        contact_names=contacts.names,
+        contact_bodies=contacts.bodies,
+        contact_force=contacts.force,
+        contact_point=contacts.point,
+        contact_moment=contacts.moment,
+        touching=contacts.touching,
         events=ContactEvents(
             onset=np.array([item[0] for item in events]),
             release=np.array([item[1] for item in events]),
@@ -111,9 +83,10 @@ def capture_trial(spec: SessionSpec, trial: TrialSpec, progress: Callable[[float
         marker_names=names,
         markers=markers,
         marker_residual=angles.residual,
-        channels=_channels(sensors),
+        channels=sensor_channels(spec, trial, sensors, angles, time),
         friction=trial.friction,
-        provenance=_provenance(spec, trial, motion, angles, thresholds),
+        provenance=_provenance(spec, trial, motion, angles, contacts.thresholds),
+        contact_kinds=tuple(spec.source(name).kind for name, _ in trial.touches),
     )
 
 
@@ -153,37 +126,8 @@ def session_markers(spec: SessionSpec, motion: MotionFile, path: Path) -> tuple[
     return names, np.stack(columns, axis=1)
 
 
-def _target(model: Model, target: str, angles: JointAngles) -> tuple[str, np.ndarray | None, float]:
-    """Body that a source touches; centre and radius of its pad, if it is a pad."""
-    if target not in model.pad_names:
-        return target, None, 0.0
-    pad = model.pad(target)
-    body = model.pad_bodies[pad]
-    place = np.asarray(model.pad_centre)[pad]
-    centre = angles.body_rotations[:, body] @ place + angles.body_positions[:, body]
-    return model.body_names[body], centre, float(np.asarray(model.pad_radius)[pad])
-
-
-def _moment_noise(sensor: SensorWrench, cutoff: float) -> float:
-    """Standard deviation of the filtered moment about the surface's point, Nm; zero if nothing was tared."""
-    if sensor.surface is None or sensor.unloaded.sum() <= 10:
-        return 0.0
-    about = sensor.wrench[:, :3] - np.cross(np.array(sensor.surface.point)[None, :], sensor.wrench[:, 3:])
-    filtered = lowpass(about, sensor.rate, min(cutoff, HIGHEST_CUTOFF * sensor.rate))[sensor.unloaded]
-    return float(np.sqrt(np.nanmean(np.nanvar(filtered, axis=0))))
-
-
-def _channels(sensors: tuple[SensorWrench, ...]) -> SensorChannels:
-    if not sensors:
-        return SensorChannels(sensor_names=(), time=np.zeros(0), wrench=np.zeros((0, 0, 6)))
-    return SensorChannels(
-        sensor_names=tuple(sensor.name for sensor in sensors),
-        time=sensors[0].time,
-        wrench=np.stack([sensor.wrench for sensor in sensors], axis=1),
-    )
-
-
 def _provenance(spec: SessionSpec, trial: TrialSpec, motion: MotionFile, angles: JointAngles, thresholds: dict) -> str:
+    clock = motion.metadata.get("clock")
     return json.dumps(
         {
             "made_by": f"icjax {importlib.metadata.version('icjax')} capture",
@@ -204,6 +148,11 @@ def _provenance(spec: SessionSpec, trial: TrialSpec, motion: MotionFile, angles:
             "placement_sd_m": spec.placement_sd,
             "angle_sd_rad": spec.angle_sd if trial.angles else None,
             "contact_thresholds_n": thresholds,
+            "force_clock": None if clock is None else dataclasses.asdict(clock),
+            "normal_only": [name for name, _ in trial.touches if spec.source(name).kind in NORMAL_ONLY],
+            "calibrations": {
+                source.name: source.calibration.name for source in spec.sources if source.calibration is not None
+            },
             "notes": list(motion.notes),
         }
     )

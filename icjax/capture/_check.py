@@ -2,12 +2,14 @@
 
 import numpy as np
 
+from icjax.capture._align import pulse_errors
 from icjax.capture._angles import recorded_angles
 from icjax.capture._capture import session_markers
 from icjax.capture._check_forces import force_findings
 from icjax.capture._load import load_trial, read_movement
-from icjax.capture._spec import SessionSpec, SourceSpec
+from icjax.capture._spec import SessionSpec, SourceSpec, TrialSpec
 from icjax.files import FileError, MotionFile
+from icjax.recording import NORMAL_ONLY
 
 ERROR, SUSPICIOUS = "error: ", "suspicious: "
 """How lines begin that name what capture would refuse, and what it would accept but a person should look at."""
@@ -17,6 +19,12 @@ EXTENT = (0.001, 50.0)
 
 MANY_GAPS = 0.2
 """Share of frames without a marker from which on it is worth a line of its own."""
+
+NO_TANGENTIAL = "only the normal force is measured; joint torques are biased and friction is unknown"
+"""What every result from such a sensor has to say."""
+
+LATE_PULSE = 1.0
+"""Samples; sync pulses of a shared acquisition that come later or earlier than this say that the clocks differ."""
 
 
 def check(spec: SessionSpec) -> list[str]:
@@ -46,7 +54,9 @@ def check(spec: SessionSpec) -> list[str]:
             lines += [f"trial '{trial.name}' ({trial.role}): {text}" for text in _understood(spec, motion)]
             forces = force_findings(spec, trial, motion)
             lines += [f"trial '{trial.name}': {text}" for text in forces.notes]
-            doubts = ([] if trial.angles else _marker_doubts(spec, motion)) + forces.doubts
+            pulses, late = _pulses(spec, trial, motion)
+            lines += [f"trial '{trial.name}': {text}" for text in pulses]
+            doubts = ([] if trial.angles else _marker_doubts(spec, motion)) + forces.doubts + late
             lines += [f"{SUSPICIOUS}trial '{trial.name}': {text}" for text in doubts]
             lines += [f"{ERROR}{spec.path}: [[trial]] '{trial.name}': {text}" for text in forces.errors]
             if trial.angles:
@@ -60,8 +70,14 @@ def check(spec: SessionSpec) -> list[str]:
 
 def _source_line(source: SourceSpec) -> str:
     what = f"plate {source.plate} of the file" if source.kind == "force_plate" else ", ".join(source.channels)
+    if source.kind in NORMAL_ONLY:
+        what += f"; {source.frame} axes"
+        what += f"; calibrated by {source.calibration.name}" if source.calibration else "; not calibrated"
+    if source.top is not None:
+        what += f"; {1e3 * source.top.mass:g} g above it move with "
+        what += ", ".join(source.top.markers or source.top.accelerometer)
     tare = ", ".join(f"{a:g} to {b:g} s" for a, b in source.tare) or "none"
-    place = "" if source.kind == "force_plate" else f", moments about {source.position} m"
+    place = "" if source.kind in ("force_plate", *NORMAL_ONLY) else f", moments about {source.position} m"
     return f"source '{source.name}': {source.kind} ({what}), force {source.sign.replace('_', ' ')}{place}; tare {tare}"
 
 
@@ -71,6 +87,9 @@ def _session_doubts(spec: SessionSpec) -> list[str]:
     for source in spec.sources:
         if not source.tare and not all(trial.tare for trial in spec.trials):
             doubts.append(f"source '{source.name}' has no tare window; its offset stays in the forces")
+    blind = [source.name for source in spec.sources if source.kind in NORMAL_ONLY]
+    if blind:
+        doubts.append(f"{', '.join(blind)}: {NO_TANGENTIAL}")
     if not any(trial.role == "catch" for trial in spec.trials):
         doubts.append("no catch trials: a planned deceleration cannot be told from compliance")
     marked = {model.site_bodies[model.site(site)] for _, site in spec.markers}
@@ -99,6 +118,8 @@ def _understood(spec: SessionSpec, motion: MotionFile) -> list[str]:
         lines.append(
             f"force plate {number}: type {plate.type}, {sides[0]:.3f} by {sides[1]:.3f} m, centre ({centre}) m"
         )
+    if "clock" in motion.metadata:
+        lines.append(f"forces have a clock of their own: {motion.metadata['clock'].described()}")
     gaps = []
     for label, _ in spec.markers:
         if label in motion.marker_names:
@@ -131,3 +152,21 @@ def _marker_doubts(spec: SessionSpec, motion: MotionFile) -> list[str]:
             if not EXTENT[0] <= extent <= EXTENT[1]:
                 doubts.append(f"markers spread over {extent:g} m; is the unit {motion.marker_unit or '?'} right?")
     return doubts
+
+
+def _pulses(spec: SessionSpec, trial: TrialSpec, motion: MotionFile) -> tuple[list[str], list[str]]:
+    """How far the sync pulses of a shared acquisition are off, and whether that is too far."""
+    if spec.clock is None or spec.clock.period is None or trial.forces is not None:
+        return [], []
+    try:
+        errors = pulse_errors(spec.clock, motion)
+    except FileError:
+        raise
+    except ValueError as error:
+        return [], [f"channel '{spec.clock.sync}' {error}"]
+    if not len(errors):
+        return [], [f"channel '{spec.clock.sync}' shows no pulse"]
+    largest = float(errors[np.argmax(np.abs(errors))])
+    told = f"{len(errors)} sync pulses, at most {1e3 * largest:+.2f} ms off the marker clock"
+    late = [told + "; are the clocks shared?"] if abs(largest) > LATE_PULSE / motion.analog_rate else []
+    return [told + f" (one sample is {1e3 / motion.analog_rate:g} ms)"], late

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from icjax.capture._cells import beyond_calibration
 from icjax.capture._filters import HIGHEST_CUTOFF, lowpass, noise_gain
 from icjax.capture._sensors import SensorWrench, sensor_wrench
 from icjax.capture._spec import SessionSpec, SourceSpec, TrialSpec
@@ -36,10 +37,16 @@ def force_findings(spec: SessionSpec, trial: TrialSpec, motion: MotionFile) -> F
     found = Findings([], [], [])
     for name, target in trial.touches:
         source = spec.source(name)
-        sensor = sensor_wrench(motion, trial, source, spec.path)
-        if sensor.surface is None and target not in spec.model.pad_names:
+        unplaced = source.surface is None and source.kind in ("six_axis", "force_at_point")
+        if unplaced and target not in spec.model.pad_names:
             found.errors.append(f"source '{name}' needs a surface, or '{target}' must be a pad of the model")
+    for name in dict.fromkeys(name for name, _ in trial.touches):
+        source = spec.source(name)
+        sensor = sensor_wrench(motion, trial, source, spec.path)
         found.doubts.extend(_channel_doubts(motion, source))
+        beyond = beyond_calibration(motion, source)
+        if beyond > 0:
+            found.doubts.append(f"source '{name}' is above its calibrated range in {100 * beyond:.1f} % of the samples")
         noise = _sample_noise(sensor, spec.filter.events)
         if sensor.unloaded.any():
             quiet = sensor.wrench[sensor.unloaded, 3:]
@@ -99,7 +106,7 @@ def _channel_doubts(motion: MotionFile, source: SourceSpec) -> list[str]:
 
 def _untared(spec: SessionSpec, trial: TrialSpec, motion: MotionFile, source: SourceSpec) -> np.ndarray:
     return sensor_wrench(
-        motion, dataclasses.replace(trial, tare=()), dataclasses.replace(source, tare=()), spec.path
+        motion, dataclasses.replace(trial, tare=()), dataclasses.replace(source, tare=(), top=None), spec.path
     ).wrench
 
 

@@ -50,14 +50,18 @@ def force_course(sensor: SensorWrench, cutoff: float, contact: ContactSpec) -> F
     """
     cutoff = min(cutoff, HIGHEST_CUTOFF * sensor.rate)
     filtered = lowpass(sensor.wrench[:, 3:], sensor.rate, cutoff)
-    if sensor.surface is not None:
+    if sensor.pressing is not None:
+        raw = sensor.pressing[:, 3]
+        value = lowpass(raw, sensor.rate, cutoff)
+    elif sensor.surface is not None:
         normal = np.array(sensor.surface.normal)
         value, raw = filtered @ normal, sensor.wrench[:, 3:] @ normal
     else:
         value = np.linalg.norm(filtered, axis=1)
         raw = sensor.wrench[:, 3]
+    alone = sensor.surface is None and sensor.pressing is None
     if sensor.unloaded.sum() > 10:
-        quiet = filtered[sensor.unloaded] if sensor.surface is None else value[sensor.unloaded][:, None]
+        quiet = filtered[sensor.unloaded] if alone else value[sensor.unloaded][:, None]
         noise = float(np.sqrt(np.nanmean(np.nanvar(quiet, axis=0))))
     else:
         steps = np.abs(np.diff(raw))

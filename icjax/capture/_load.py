@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from icjax.capture._align import trial_clock
 from icjax.capture._filters import HIGHEST_CUTOFF
 from icjax.capture._spec import SessionSpec, TrialSpec
 from icjax.capture._trial_time import check_even, common_time, even_markers
@@ -21,6 +22,9 @@ ANGLE_FORMATS = (".mot", ".sto", ".bvh")
 def load_trial(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
     """Markers and forces of a trial on one time axis: from one file, or from one file each.
 
+    Forces of a separate acquisition are put on the marker clock where the session says how ([clock]); the `Clock` is
+    then `metadata["clock"]`.
+
     **Errors**: `FileError` of the reader, or when the format is unknown, no marker or no force is found where the
     session needs it, times do not increase, the two files do not overlap in time, or a cut-off that the session
     states is too high for the rate that it is applied at.
@@ -28,9 +32,10 @@ def load_trial(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
     if trial.angles:
         motion = angle_frames(read_movement(spec, trial))
     else:
-        motion = _read(trial.markers, spec.columns, None if trial.forces is None else "markers")
+        motion = read_motion(trial.markers, spec.columns, None if trial.forces is None else "markers")
+    alone = motion
     if trial.forces is not None:
-        forces = _read(trial.forces, spec.columns, "channels")
+        forces = read_motion(trial.forces, spec.columns, "channels")
         motion = dataclasses.replace(
             motion,
             analog_names=forces.analog_names,
@@ -41,6 +46,15 @@ def load_trial(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
             plates=forces.plates,
             notes=motion.notes + forces.notes,
         )
+        check_even(motion.analog_time, trial.forces, "force")
+        clock = trial_clock(spec, trial, alone, motion)
+        if clock is not None:
+            motion = dataclasses.replace(
+                motion,
+                analog_time=clock.on_marker_clock(motion.analog_time),
+                analog_rate=motion.analog_rate * (1.0 + clock.drift),
+                metadata={**motion.metadata, "clock": clock},
+            )
     if not len(motion.marker_time):
         raise FileError(trial.markers, f"holds no {'angles' if trial.angles else 'markers'}")
     force_file = trial.forces or trial.markers
@@ -80,7 +94,7 @@ def read_movement(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
     if kind == ".bvh":
         motion = read_bvh(trial.markers)
         return dataclasses.replace(motion, metadata={**motion.metadata, "inDegrees": False})  # its reader converts
-    return _read(trial.markers, spec.columns, "channels")
+    return read_motion(trial.markers, spec.columns, "channels")
 
 
 def angle_frames(angles: MotionFile) -> MotionFile:
@@ -97,7 +111,11 @@ def angle_frames(angles: MotionFile) -> MotionFile:
     )
 
 
-def _read(path: Path, columns: Mapping[str, Any], part: str | None) -> MotionFile:
+def read_motion(path: Path, columns: Mapping[str, Any], part: str | None = None) -> MotionFile:
+    """A file by its format; of a CSV file only the "markers" or the "channels", or both (None).
+
+    **Errors**: `FileError` of the reader, or for an unknown format.
+    """
     kind = path.suffix.lower()
     if kind in (".tsv", ".txt") and is_qualisys(path):
         return read_tsv(path)

@@ -6,21 +6,17 @@ from pathlib import Path
 from typing import Any
 
 from icjax.capture._angles import ANGLE_SD, angle_columns, movement_key
-from icjax.capture._spec import ContactSpec, FilterSpec, SessionSpec, SourceSpec, SurfaceSpec, TrialSpec
-from icjax.files import FileError, Table, as_numbers, as_rotation, read_toml
+from icjax.capture._source_file import read_source, windows
+from icjax.capture._spec import ClockSpec, ContactSpec, FilterSpec, SessionSpec, SourceSpec, TrialSpec
+from icjax.files import FileError, Table, read_toml
 from icjax.model import Model, index_finger, load_model
-from icjax.recording import ROLES
-
-CHANNELS = {"six_axis": 6, "force_plate": 0, "force_at_point": 9}
-"""Kinds of source and the number of channels that each one names."""
+from icjax.recording import NORMAL_ONLY, ROLES
 
 PLACEMENT_SD = 0.001
 """m; how well a marker sits on its site where the session does not say: one millimetre."""
 
 LEAST_CUTOFF = 0.1
 """Hz; a lower cut-off leaves nothing of a movement."""
-
-IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def read_session(path: str | os.PathLike) -> SessionSpec:
@@ -42,7 +38,7 @@ def read_session(path: str | os.PathLike) -> SessionSpec:
     model_table.close()
     angles = angle_columns(top.table("angles", None), model)
     markers = () if angles and "markers" not in top.content else _markers(top.table("markers"), model)
-    sources = tuple(_source(table) for table in top.tables("source"))
+    sources = tuple(read_source(table) for table in top.tables("source"))
     _unique(path, "source", [item.name for item in sources])
     trials = tuple(_trial(table, folder, model, sources) for table in top.tables("trial"))
     if not trials:
@@ -75,6 +71,7 @@ def read_session(path: str | os.PathLike) -> SessionSpec:
         columns=_columns(top.table("columns", None)),
         angles=angles,
         angle_sd=angle_sd,
+        clock=_clock(top.table("clock", None), sources),
     )
     top.close()
     return spec
@@ -159,6 +156,28 @@ def _contact(table: Table | None) -> ContactSpec:
     return spec
 
 
+def _clock(table: Table | None, sources: tuple[SourceSpec, ...]) -> ClockSpec | None:
+    if table is None:
+        return None
+    standard = ClockSpec()
+    spec = ClockSpec(
+        sync=table.text("sync", None),
+        period=table.number("period", None, above=0.0),
+        start=table.number("start", standard.start),
+        marker_sync=table.text("marker_sync", None),
+        correlate=table.choice("correlate", [item.name for item in sources], None),
+        within=table.number("within", standard.within, above=0.0),
+        offset=table.number("offset", None),
+        drift_sd=table.number("drift_sd", standard.drift_sd, above=0.0),
+    )
+    if (spec.sync is None) == (spec.correlate is None):
+        raise table.error("needs either the key 'sync' or the key 'correlate'")
+    if (spec.sync is not None) != ((spec.period is None) != (spec.marker_sync is None)):
+        raise table.error("needs one of the keys 'period' and 'marker_sync' exactly when it has the key 'sync'")
+    table.close()
+    return spec
+
+
 def _columns(table: Table | None) -> dict[str, Any]:
     if table is None:
         return {}
@@ -179,52 +198,6 @@ def _columns(table: Table | None) -> dict[str, Any]:
     return columns
 
 
-def _source(table: Table) -> SourceSpec:
-    name = table.label("name")
-    kind = table.choice("kind", CHANNELS)
-    plate = None
-    channels: tuple[str, ...] = ()
-    if kind == "force_plate":
-        plate = table.whole("plate", least=1)
-    else:
-        channels = table.texts("channels")
-        if len(channels) != CHANNELS[kind]:
-            raise table.error(f"key 'channels' lists {len(channels)} channels; kind '{kind}' needs {CHANNELS[kind]}")
-    surface = table.table("surface", None)
-    rotation = IDENTITY
-    position = (0.0, 0.0, 0.0)
-    sign = "on_subject"
-    if kind == "six_axis":
-        position = table.vector("position")
-        sign = table.choice("sign", ["on_environment", "on_subject"])
-    else:
-        sign = table.choice("sign", ["on_environment", "on_subject"], sign)
-    if kind != "force_plate":
-        rotation = table.take("rotation", as_rotation, "three rows of a rotation matrix", IDENTITY)
-    spec = SourceSpec(
-        name=name,
-        kind=kind,
-        channels=channels,
-        plate=plate,
-        position=position,
-        rotation=rotation,
-        sign=sign,
-        surface=None if surface is None else _surface(surface),
-        tare=table.take("tare", _windows, "an interval [from, to] in s, or a list of them", ()),
-    )
-    table.close()
-    return spec
-
-
-def _surface(table: Table) -> SurfaceSpec:
-    point, normal = table.vector("point"), table.vector("normal")
-    length = sum(value * value for value in normal) ** 0.5
-    if not length > 0:
-        raise table.error("key 'normal' must not be zero")
-    table.close()
-    return SurfaceSpec(point=point, normal=(normal[0] / length, normal[1] / length, normal[2] / length))
-
-
 def _trial(table: Table, folder: Path, model: Model, sources: tuple[SourceSpec, ...]) -> TrialSpec:
     name = table.label("name")
     role = table.choice("role", ROLES, "trial")
@@ -236,9 +209,12 @@ def _trial(table: Table, folder: Path, model: Model, sources: tuple[SourceSpec, 
     if movement == "file" and forces is not None:
         raise table.error("needs either the key 'file' or the key 'markers' (with 'forces')")
     touches = table.table("touches", None)
-    pairs = () if touches is None else touches.pairs()
+    pairs = () if touches is None else _touched(touches)
     for source, body in pairs:
         known = [item.name for item in sources]
+        blind = [item.name for item in sources if item.kind in NORMAL_ONLY and item.frame == "body"]
+        if source in blind and [name for name, _ in pairs].count(source) > 1:
+            raise table.error(f"key 'touches' names two bodies for '{source}', a sensor that one body carries")
         if source not in known:
             raise table.error(f"key 'touches' names the unknown source '{source}'; known: {', '.join(known) or 'none'}")
         if body not in model.pad_names and body not in model.body_names[1:]:
@@ -252,12 +228,21 @@ def _trial(table: Table, folder: Path, model: Model, sources: tuple[SourceSpec, 
         forces=None if forces is None else _existing(table, folder, forces, "forces"),
         touches=pairs,
         friction=table.number("friction", None, least=0.0),
-        tare=table.take("tare", _windows, "an interval [from, to] in s, or a list of them", None),
+        tare=table.take("tare", windows, "an interval [from, to] in s, or a list of them", None),
         angles=movement == "angles",
         degrees=degrees,
     )
     table.close()
     return spec
+
+
+def _touched(table: Table) -> tuple[tuple[str, str], ...]:
+    """Pairs (source, pad or body); a source may list several that touch it in turn."""
+    pairs = []
+    for source, value in table.content.items():
+        bodies = table.texts(source) if isinstance(value, list) else (table.text(source),)
+        pairs += [(source, body) for body in bodies]
+    return tuple(pairs)
 
 
 def _existing(table: Table, folder: Path, name: str, key: str) -> Path:
@@ -279,14 +264,3 @@ def _named(lookup: Any, name: str) -> str:
     except ValueError as error:
         return str(error)
     return ""
-
-
-def _windows(value: Any) -> tuple[tuple[float, float], ...]:
-    """One interval [from, to] or a list of them, s. **Errors**: `ValueError`."""
-    if not isinstance(value, list) or not value:
-        raise ValueError
-    items = value if isinstance(value[0], list) else [value]
-    windows = tuple(as_numbers(item, 2) for item in items)
-    if any(end <= start for start, end in windows):
-        raise ValueError
-    return tuple((start, end) for start, end in windows)

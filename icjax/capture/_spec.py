@@ -55,16 +55,72 @@ class SurfaceSpec:
 
 
 @dataclasses.dataclass(frozen=True)
+class ClockSpec:
+    """The clock of forces that a separate acquisition recorded, t_daq = (t_marker + offset) (1 + drift).
+
+    - `sync`: channel of the force file with pulses; rising edges at `start` + k `period` (s, marker clock), or at the
+      edges of the channel `marker_sync` of the marker file.
+    - `correlate`: without pulses, the source whose force is compared with the depth of the pad that touches it, for
+      offsets within `within` of `offset` (s).
+    - `offset`: s, approximate; None if nothing is known. `drift_sd`: how well the rates of two clocks agree.
+    """
+
+    sync: str | None = None
+    period: float | None = None
+    start: float = 0.0
+    marker_sync: str | None = None
+    correlate: str | None = None
+    within: float = 1.0
+    offset: float | None = None
+    drift_sd: float = 5e-5
+
+
+@dataclasses.dataclass(frozen=True)
+class TopSpec:
+    """What is mounted above the sensing element of a six-axis sensor and moves with it.
+
+    - `mass` kg; `com` m, world, at rest: its centre of mass (None: the mean of the markers, else the reference point).
+    - `markers`: on it; three show how it turns, fewer how it moves. `accelerometer`: three channels, m/s2, along the
+      sensor's axes. `cutoff` Hz of the markers.
+    """
+
+    mass: float
+    markers: tuple[str, ...]
+    accelerometer: tuple[str, ...]
+    com: tuple[float, float, float] | None
+    cutoff: float
+
+
+@dataclasses.dataclass(frozen=True)
+class CellSpec:
+    """One cell of a pressure array, or a whole normal-only sensor.
+
+    - `channel`: its name in the file; `scale`: N a unit of it (an area in m2 where it holds Pa).
+    - `position` m and `normal` (unit vector, the direction of the force on the subject) in the source's frame.
+      `position` is None where the cell acts on the sphere of the touched pad.
+    """
+
+    channel: str
+    position: tuple[float, float, float] | None
+    normal: tuple[float, float, float]
+    scale: float = 1.0
+
+
+@dataclasses.dataclass(frozen=True)
 class SourceSpec:
     """One force source.
 
-    - `kind`: "six_axis" (Fx Fy Fz Mx My Mz about `position`), "force_plate" (number `plate` of a C3D file, from 1)
-      or "force_at_point" (nine channels: force, point of application, moment about that point; OpenSim's MOT).
+    - `kind`: "six_axis" (Fx Fy Fz Mx My Mz about `position`), "force_plate" (number `plate` of a C3D file, from 1),
+      "force_at_point" (nine channels: force, point of application, moment about that point; OpenSim's MOT), "normal"
+      (one channel, a normal force on the touched body) or "pressure_array" (a channel a cell). The last two measure
+      no tangential force.
     - `channels`: names in the file. `rotation`: sensor axes in world, v_W = R v_S. `position`: reference point of
       the moments, m, world.
     - `sign`: whether the channels hold the force "on_environment" or "on_subject".
     - `surface`: for the centre of pressure; None for a force plate means the plate's own top.
     - `tare`: intervals (s, marker clock) known to be unloaded; several give a baseline that drifts linearly.
+    - `top`: what moves above the sensing element. `cells`, in the `frame` of the touched "body" or of the "world";
+      `calibration`: curves from volt to N (`icjax calibrate`).
     """
 
     name: str
@@ -76,6 +132,10 @@ class SourceSpec:
     sign: str
     surface: SurfaceSpec | None
     tare: tuple[tuple[float, float], ...]
+    top: TopSpec | None = None
+    cells: tuple[CellSpec, ...] = ()
+    frame: str = "world"
+    calibration: Path | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -122,6 +182,7 @@ class SessionSpec:
     columns: Mapping[str, Any]
     angles: tuple[tuple[str, str], ...] = ()
     angle_sd: float = 0.0
+    clock: ClockSpec | None = None
 
     def source(self, name: str) -> SourceSpec:
         """A source by its name."""

@@ -19,16 +19,27 @@ def on_marker_clock(
 
     **Arguments**: `sensor`; `marker_time` s; `cutoff` Hz, limited to 0.38 of either rate.
     """
+    return resampled(sensor.wrench, sensor.time, sensor.rate, marker_time, cutoff)
+
+
+def resampled(
+    values: Float[np.ndarray, "sample channel"],
+    time: Float[np.ndarray, " sample"],
+    rate: float,
+    marker_time: Float[np.ndarray, " frame"],
+    cutoff: float,
+) -> Float[np.ndarray, "frame channel"]:
+    """Channels filtered at their own rate and interpolated to the frames, see `on_marker_clock`."""
     from scipy.interpolate import CubicSpline
 
     marker_rate = (len(marker_time) - 1) / float(marker_time[-1] - marker_time[0])
-    cutoff = min(cutoff, HIGHEST_CUTOFF * sensor.rate, HIGHEST_CUTOFF * marker_rate)
-    filtered = lowpass(sensor.wrench, sensor.rate, cutoff)
-    result = np.full((len(marker_time), 6), np.nan)
-    slack = 0.5 / sensor.rate
+    cutoff = min(cutoff, HIGHEST_CUTOFF * rate, HIGHEST_CUTOFF * marker_rate)
+    filtered = lowpass(values, rate, cutoff)
+    result = np.full((len(marker_time), values.shape[1]), np.nan)
+    slack = 0.5 / rate
     for start, stop in finite_runs(filtered.sum(axis=1)):
-        time = sensor.time[start:stop]
-        inside = (marker_time >= time[0] - slack) & (marker_time <= time[-1] + slack)
+        span = time[start:stop]
+        inside = (marker_time >= span[0] - slack) & (marker_time <= span[-1] + slack)
         if stop - start > 3:
-            result[inside] = CubicSpline(time, filtered[start:stop])(np.clip(marker_time[inside], time[0], time[-1]))
+            result[inside] = CubicSpline(span, filtered[start:stop])(np.clip(marker_time[inside], span[0], span[-1]))
     return result

@@ -33,6 +33,11 @@ class Capture:
                 f"{len(recording.events.onset)} contacts, {fit}, "
                 f"{int((~recording.valid).sum())} frames without pose"
             )
+            if recording.normal_only:
+                print(
+                    f"  {recording.name}: normal force only at {', '.join(recording.normal_only)}; joint torques are "
+                    "biased (no tangential force) and friction is unknown"
+                )
         for line in check_recording(session):
             if line.startswith(("suspicious: ", "error: ")):
                 print(line)

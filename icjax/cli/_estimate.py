@@ -60,6 +60,8 @@ class Estimate:
 
 def summary_text(interaction) -> str:
     """Compliance of each joint over the session, as a table of text."""
+    import json
+
     import numpy as np
 
     from icjax.interaction import STATUS
@@ -79,6 +81,12 @@ def summary_text(interaction) -> str:
         counts = ", ".join(str(int(np.sum(status[:, column] == code))) for code in range(len(STATUS)))
         lines.append(f"{joint:12s} {told:>14s}  {interval:>18s}   {counts}")
     lines.append("intervals state the scatter of the events, not the bias of inertia, damping and planned deceleration")
+    blind = json.loads(interaction.provenance or "{}").get("normal_only", [])
+    if blind:
+        lines.append(
+            f"normal force only ({', '.join(blind)}): tangential force is missing from the torques, which biases every "
+            "value above, and friction is unknown"
+        )
     return "\n".join(lines)
 
 

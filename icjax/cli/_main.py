@@ -8,6 +8,7 @@ from pathlib import Path
 import tyro
 
 from icjax import __version__
+from icjax.cli._calibrate import Calibrate
 from icjax.cli._capture import Capture
 from icjax.cli._check import Check
 from icjax.cli._demo import Demo
@@ -18,6 +19,7 @@ from icjax.cli._transfer import Transfer
 VERBS = {
     "demo": Demo,
     "check": Check,
+    "calibrate": Calibrate,
     "capture": Capture,
     "estimate": Estimate,
     "transfer": Transfer,

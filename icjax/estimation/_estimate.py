@@ -130,6 +130,7 @@ def _provenance(
             "estimator": "compliance at contact (Kry and Pai 2006, section 3.3)",
             "caution": "intervals cover noise and scatter of events, not the bias that inertia, damping and "
             "planned deceleration after contact cause",
+            "normal_only": sorted({name for item in session.trials() for name in item.normal_only}),
             "session": session.name,
             "subject": session.subject,
             "trials": [item.name for item in session.trials()],

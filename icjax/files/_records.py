@@ -191,7 +191,8 @@ def _read(group: Any, kind: type, path: Path) -> Any:
             found = group.variables[field.name][...] if dim.size else ()
             values[field.name] = tuple(item.decode() if isinstance(item, bytes) else str(item) for item in found)
         elif "json" in metadata:
-            values[field.name] = _tuples(json.loads(group.attrs[field.name]))
+            if field.name in group.attrs or field.default is dataclasses.MISSING:
+                values[field.name] = _tuples(json.loads(group.attrs[field.name]))
         else:
             values[field.name] = _read_nested(group[field.name], hints[field.name], path)
     return kind(**values)

@@ -105,6 +105,12 @@ def cautions(interactions: Interactions, rollouts: Rollouts, simulated: bool | N
             "The intervals cover the scatter between contacts, not the bias of the estimator: inertia, damping and a "
             "planned change of movement at contact look like compliance and shift every event the same way."
         )
+        blind = _find(_parsed(interactions[0].provenance), "normal_only")
+        if blind and isinstance(blind, list):
+            points.append(
+                f"Normal force only: {', '.join(map(str, blind))}. No tangential force was measured there, so joint "
+                "torques and everything made from them are biased, and friction is unknown."
+            )
         negative = int(np.sum(interactions[0].summary.negative))
         if negative:
             points.append(
