@@ -1,6 +1,11 @@
 """From a recording to an interaction trajectory: joint torque, compliance at contact, reference trajectory."""
 
 from icjax.estimation._contact_compliance import compliance_at_contact as compliance_at_contact
+from icjax.estimation._endpoint import Stiffness as Stiffness
+from icjax.estimation._endpoint import directional_stiffness as directional_stiffness
+from icjax.estimation._endpoint import endpoint_compliance as endpoint_compliance
+from icjax.estimation._endpoint import in_series as in_series
+from icjax.estimation._endpoint import stiffness_interval as stiffness_interval
 from icjax.estimation._estimate import estimate as estimate
 from icjax.estimation._joints import compliant_dofs as compliant_dofs
 from icjax.estimation._options import EstimationOptions as EstimationOptions
