@@ -62,8 +62,7 @@ def endpoint_compliance(
     points = jnp.reshape(jnp.asarray(point), (-1, 3))
     if len(bodies) != points.shape[0]:
         raise ValueError(f"body names {len(bodies)} bodies, point has {points.shape[0]} points")
-    J = jnp.concatenate([point_jacobian(model, q, b, p) for b, p in zip(bodies, points, strict=True)])
-    return J @ _times(jnp.asarray(compliance), J.T)
+    return _effective(model, jnp.asarray(q), jnp.asarray(bodies), points, jnp.asarray(compliance))
 
 
 def directional_stiffness(
@@ -85,7 +84,8 @@ def directional_stiffness(
 
     **Source**: Kry and Pai 2006, sections 4.2 and 6.2.
     """
-    return 1.0 / _along(model, q, body, jnp.asarray(point), jnp.asarray(compliance), _unit(direction))
+    C, e = jnp.asarray(compliance), _unit(direction)
+    return 1.0 / _along(model, jnp.asarray(q), jnp.asarray(body), jnp.asarray(point), C, e)
 
 
 def in_series(stiffness: Float[Real, ""] | float, compliance: float) -> Float[Real, ""] | float:
@@ -117,17 +117,10 @@ def stiffness_interval(
     **Arguments**: as in `directional_stiffness`; `compliance_sd` rad/Nm, independent between joints, infinite where
     the estimate is unbounded; `q_covariance` rad^2, of the displacement; `samples` 0 for none.
     """
-    e = _unit(direction)
-    q, point, compliance = jnp.asarray(q), jnp.asarray(point), jnp.asarray(compliance)
+    q, point, C, e = jnp.asarray(q), jnp.asarray(point), jnp.asarray(compliance), _unit(direction)
     sd = np.asarray(compliance_sd)
-    home = forward_kinematics(model, q)[body].inverse().apply(point)
-
-    def along(dq, diagonal):
-        moved = integrate(model, q, dq)
-        return _along(model, moved, body, forward_kinematics(model, moved)[body].apply(home), diagonal, e)
-
-    still = jnp.zeros(model.nv, q.dtype)
-    c, (by_q, by_c) = jax.jit(jax.value_and_grad(along, argnums=(0, 1)))(still, compliance)
+    arguments = model, q, jnp.asarray(body), point, e
+    c, (by_q, by_c) = _gradient(jnp.zeros(model.nv, q.dtype), C, *arguments)
     by_c = np.asarray(by_c)
     variance = np.sum(np.where(by_c > 0, by_c * np.where(by_c > 0, sd, 0.0), 0.0) ** 2)
     if q_covariance is not None:
@@ -137,7 +130,8 @@ def stiffness_interval(
     least = c - NORMAL_95 * deviation
     lower, median, upper = (float("nan"),) * 3
     if samples:
-        drawn = _samples(along, compliance, sd, q_covariance, model.nv, samples, seed)
+        dq, C = _samples(np.asarray(compliance), sd, q_covariance, samples, seed)
+        drawn = np.asarray(_moved_batch(jnp.asarray(dq), jnp.asarray(C), *arguments))
         upper, median, lower = (float(x) for x in 1.0 / np.quantile(drawn, [0.025, 0.5, 0.975]))
     return Stiffness(
         stiffness=1.0 / c,
@@ -152,22 +146,44 @@ def stiffness_interval(
     )
 
 
-def _samples(along, compliance, sd, q_covariance, nv: int, samples: int, seed: int) -> np.ndarray:
-    """Draws of c; a log-normal of mean C and standard deviation s has log-variance log(1 + (s/C)^2)."""
+def _samples(mean: np.ndarray, sd: np.ndarray, q_covariance, samples: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Draws of dq and C; a log-normal of mean C and standard deviation s has log-variance log(1 + (s/C)^2)."""
     if not np.isfinite(sd).all():
         raise ValueError(f"compliance_sd = {sd.tolist()}: samples need finite standard deviations")
     random = np.random.default_rng(seed)
-    mean = np.asarray(compliance)
     spread = np.sqrt(np.log1p((sd / np.where(mean > 0, mean, 1.0)) ** 2))
-    C = mean * np.exp(spread * random.standard_normal((samples, nv)) - spread**2 / 2)
-    cov = np.zeros((nv, nv)) if q_covariance is None else np.asarray(q_covariance)
-    dq = random.multivariate_normal(np.zeros(nv), cov, samples, method="eigh")
-    return np.asarray(jax.jit(jax.vmap(along))(jnp.asarray(dq), jnp.asarray(C)))
+    C = mean * np.exp(spread * random.standard_normal((samples, mean.size)) - spread**2 / 2)
+    cov = np.zeros((mean.size, mean.size)) if q_covariance is None else np.asarray(q_covariance)
+    return random.multivariate_normal(np.zeros(mean.size), cov, samples, method="eigh"), C
 
 
+@eqx.filter_jit
+def _effective(model, q, bodies, points, compliance):
+    J = jax.vmap(point_jacobian, (None, None, 0, 0))(model, q, bodies, points).reshape(-1, model.nv)
+    return J @ _times(compliance, J.T)
+
+
+@eqx.filter_jit
 def _along(model, q, body, point, compliance, e):
     torque = e @ point_jacobian(model, q, body, point)
     return torque @ _times(compliance, torque)
+
+
+def _moved(dq, compliance, model, q, body, point, e):
+    """Compliance along e after the displacement dq, the point fixed on its body."""
+    home = forward_kinematics(model, q)[body].inverse().apply(point)
+    moved = integrate(model, q, dq)
+    return _along(model, moved, body, forward_kinematics(model, moved)[body].apply(home), compliance, e)
+
+
+@eqx.filter_jit
+def _gradient(dq, compliance, *arguments):
+    return jax.value_and_grad(_moved, argnums=(0, 1))(dq, compliance, *arguments)
+
+
+@eqx.filter_jit
+def _moved_batch(dq, compliance, *arguments):
+    return jax.vmap(lambda a, b: _moved(a, b, *arguments))(dq, compliance)
 
 
 def _times(compliance, columns):

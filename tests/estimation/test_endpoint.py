@@ -1,5 +1,6 @@
 """Eq. 5 and k_G: closed forms, displacement under load, several contacts, derivatives, intervals."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,7 +17,8 @@ ROUNDING = 1e-12
 MODEL = chain()
 Q = np.array([0.3, 0.5, 0.4])
 TIP = len(MODEL.body_names) - 1
-POINT = np.asarray(pad_positions(MODEL, jnp.asarray(Q)))[0]
+PADS = eqx.filter_jit(pad_positions)
+POINT = np.asarray(PADS(MODEL, jnp.asarray(Q)))[0]
 UP = (0.0, 0.0, 1.0)
 
 
@@ -40,8 +42,8 @@ def test_the_point_moves_by_g_times_force():
     """Eq. 6 against the kinematics themselves, for a force small enough that J is constant."""
     force = 1e-6 * np.array([0.3, 0.0, 1.0])
     G = np.asarray(endpoint_compliance(MODEL, Q, TIP, POINT, np.asarray(COMPLIANCE)))
-    J = np.asarray(jax.jacfwd(lambda q: pad_positions(MODEL, q)[0])(jnp.asarray(Q)))
-    moved = np.asarray(pad_positions(MODEL, jnp.asarray(Q + np.asarray(COMPLIANCE) * (J.T @ force))))[0] - POINT
+    J = np.asarray(jax.jit(jax.jacfwd(lambda q: pad_positions(MODEL, q)[0]))(jnp.asarray(Q)))
+    moved = np.asarray(PADS(MODEL, jnp.asarray(Q + np.asarray(COMPLIANCE) * (J.T @ force))))[0] - POINT
     np.testing.assert_allclose(G @ force, moved, rtol=0, atol=1e-6 * np.abs(moved).max())  # the force's own size
     np.testing.assert_allclose(G, G.T, atol=ROUNDING * G.max())
     assert np.linalg.eigvalsh(G).min() > -ROUNDING * G.max()
@@ -59,7 +61,7 @@ def test_several_contacts_are_coupled_through_shared_joints():
     assert np.abs(G[:3, 3:]).max() > 0.1 * G.max()
     np.testing.assert_allclose(G, G.T, atol=ROUNDING * G.max())
     branched = chain(branches=2)
-    tips = np.asarray(pad_positions(branched, jnp.asarray(np.tile(Q, 2))))
+    tips = np.asarray(PADS(branched, jnp.asarray(np.tile(Q, 2))))
     apart = np.asarray(endpoint_compliance(branched, np.tile(Q, 2), branched.pad_bodies, tips, np.tile(COMPLIANCE, 2)))
     np.testing.assert_array_equal(apart[:3, 3:], 0.0)
 
