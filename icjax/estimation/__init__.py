@@ -14,6 +14,8 @@ from icjax.estimation._perturbation import Secant as Secant
 from icjax.estimation._perturbation import perturbation_onset as perturbation_onset
 from icjax.estimation._perturbation import reaction_time as reaction_time
 from icjax.estimation._perturbation import secant_stiffness as secant_stiffness
+from icjax.estimation._posture import Posture as Posture
+from icjax.estimation._posture import posture_search as posture_search
 from icjax.estimation._reference import CompliancePath as CompliancePath
 from icjax.estimation._reference import compliance_path as compliance_path
 from icjax.estimation._reference import reference_trajectory as reference_trajectory
