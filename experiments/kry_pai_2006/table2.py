@@ -39,7 +39,7 @@ HAND_LENGTH, HAND_LENGTH_SD = 0.19, 0.01
 class Config:
     """Number of natural postures; recordings (exploring, scratching) and truth of the simulated sessions."""
 
-    draws: int = 100
+    draws: int = 60
     seed: int = 0
     sessions: tuple[Path, ...] = ()
     truth: Path | None = None

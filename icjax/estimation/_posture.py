@@ -19,7 +19,7 @@ class Posture(eqx.Module):
 
     **Fields**: `q` coordinates; `scale` of the model's lengths; `stiffness` N/m; `distance` from the natural posture,
     root of the summed squares in units of `spread`; `share` [dof] of each degree of freedom in the compliance; `tilt`
-    rad of the last body's x axis below the horizontal; `found`: whether the search ended there.
+    rad of the last body's x axis below the horizontal (its pitch); `found`: whether the search ended there.
     """
 
     q: Float[np.ndarray, " nq"]
@@ -69,7 +69,8 @@ def posture_search(
         sized = eqx.tree_at(lambda m: (m.body_position, m.pad_centre), model, _scaled(model, x[-1]))
         q = x[:-1]
         lever = point_jacobian(sized, q, body, pad_positions(sized, q)[model.pad(pad)])[2]
-        return C * lever**2, -jnp.arcsin(forward_kinematics(sized, q)[body].rotation[2, 0])
+        R = forward_kinematics(sized, q)[body].rotation
+        return C * lever**2, jnp.arctan2(-R[2, 0], R[2, 2])
 
     def conditions(x):
         c, angle = parts(x)
