@@ -13,6 +13,7 @@ from icjax.cli._capture import Capture
 from icjax.cli._check import Check
 from icjax.cli._demo import Demo
 from icjax.cli._estimate import Estimate
+from icjax.cli._perturbation import Perturbation
 from icjax.cli._report import Report
 from icjax.cli._transfer import Transfer
 
@@ -22,6 +23,7 @@ VERBS = {
     "calibrate": Calibrate,
     "capture": Capture,
     "estimate": Estimate,
+    "perturbation": Perturbation,
     "transfer": Transfer,
     "report": Report,
 }
