@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+from icjax.capture._calibration_file import changed_by, read_calibration, read_posture
 from icjax.capture._spec import ContactSpec, FilterSpec, SessionSpec, SourceSpec, SurfaceSpec, TrialSpec
 from icjax.files import FileError, Table, as_numbers, as_rotation, read_toml
 from icjax.model import Model, index_finger, load_model
@@ -33,6 +34,7 @@ def read_session(path: str | os.PathLike) -> SessionSpec:
     folder = _folder(top, path)
     model_table = top.table("model")
     model, model_source = _model(model_table, path)
+    model = changed_by(model_table, top.table("sites", None), model)
     placement_sd = model_table.number("placement_sd", PLACEMENT_SD, above=0.0)
     model_table.close()
     markers = _markers(top.table("markers"), model)
@@ -51,6 +53,7 @@ def read_session(path: str | os.PathLike) -> SessionSpec:
             raise FileError(path, f"{where} the unknown trial '{trial.catch_of}'")
         if roles[trial.catch_of] != "trial":
             raise FileError(path, f"{where} '{trial.catch_of}', whose role is '{roles[trial.catch_of]}', not 'trial'")
+    calibration = read_calibration(top.table("calibration", None), [trial.name for trial in trials])
     spec = SessionSpec(
         path=path,
         name=name,
@@ -64,6 +67,8 @@ def read_session(path: str | os.PathLike) -> SessionSpec:
         sources=sources,
         trials=trials,
         columns=_columns(top.table("columns", None)),
+        calibration=calibration,
+        posture=read_posture(top.table("posture", None), model),
     )
     top.close()
     return spec

@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from icjax.capture._calibration_parameters import CalibrationOptions
+from icjax.capture._posture import PosturePrior
 from icjax.model import Model
 
 
@@ -95,6 +97,8 @@ class SessionSpec:
 
     - `markers`: (label in the files, site of the model).
     - `placement_sd`: m; standard deviation of a marker's place on the body, per axis, against its site.
+    - `calibration`: what to calibrate before the trials; None: nothing. `posture`: for models with more joints than
+      the markers determine.
     """
 
     path: Path
@@ -109,6 +113,8 @@ class SessionSpec:
     sources: tuple[SourceSpec, ...]
     trials: tuple[TrialSpec, ...]
     columns: Mapping[str, Any]
+    calibration: CalibrationOptions | None = None
+    posture: PosturePrior | None = None
 
     def source(self, name: str) -> SourceSpec:
         """A source by its name."""
