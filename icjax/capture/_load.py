@@ -9,7 +9,7 @@ import numpy as np
 
 from icjax.capture._filters import HIGHEST_CUTOFF
 from icjax.capture._spec import SessionSpec, TrialSpec
-from icjax.files import FileError, MotionFile, read_c3d, read_csv, read_sto, read_trc
+from icjax.files import FileError, MotionFile, is_qualisys, read_c3d, read_csv, read_sto, read_trc, read_tsv
 
 READERS = {".c3d": read_c3d, ".trc": read_trc, ".sto": read_sto, ".mot": read_sto}
 
@@ -64,6 +64,8 @@ def load_trial(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
 
 def _read(path: Path, columns: Mapping[str, Any], part: str | None) -> MotionFile:
     kind = path.suffix.lower()
+    if kind in (".tsv", ".txt") and is_qualisys(path):
+        return read_tsv(path)
     if kind in READERS:
         return READERS[kind](path)
     if kind in (".csv", ".tsv", ".txt"):
@@ -78,4 +80,4 @@ def _read(path: Path, columns: Mapping[str, Any], part: str | None) -> MotionFil
             raise
         except ValueError as error:
             raise FileError(path, f"[columns]: {error}") from error
-    raise FileError(path, f"has the unknown format '{kind}' (known: .c3d, .trc, .mot, .sto, .csv)")
+    raise FileError(path, f"has the unknown format '{kind}' (known: .c3d, .trc, .mot, .sto, .csv, .tsv)")
