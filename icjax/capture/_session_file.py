@@ -75,18 +75,22 @@ def read_session(path: str | os.PathLike) -> SessionSpec:
 
 
 def _folder(top: Table, path: Path) -> Path:
-    given = top.text("folder", ".")
+    folder = path.parent / _expanded(top, "folder", top.text("folder", "."))
+    if not folder.is_dir():
+        raise FileError(path, f"key 'folder' names {folder}, which is not a folder")
+    return folder
+
+
+def _expanded(table: Table, key: str, text: str) -> str:
+    """A path with its ${VARIABLES} replaced."""
 
     def value(match: re.Match) -> str:
         variable = match.group(1)
         if variable not in os.environ:
-            raise FileError(path, f"key 'folder' uses the environment variable {variable}, which is not defined")
+            raise table.error(f"key '{key}' uses the environment variable {variable}, which is not defined")
         return os.environ[variable]
 
-    folder = path.parent / re.sub(r"\$\{(\w+)\}", value, given)
-    if not folder.is_dir():
-        raise FileError(path, f"key 'folder' names {folder}, which is not a folder")
-    return folder
+    return re.sub(r"\$\{(\w+)\}", value, text)
 
 
 def _model(table: Table, path: Path) -> tuple[Model, str]:
@@ -101,7 +105,8 @@ def _model(table: Table, path: Path) -> tuple[Model, str]:
         if hand_length is not None:
             raise table.error("key 'hand_length' belongs to a builtin model, not to a file")
         try:
-            return load_model(path.parent / file, free_root=root == "free", strip=strip), file
+            source = path.parent / _expanded(table, "file", file)
+            return load_model(source, free_root=root == "free", strip=strip), file
         except FileError as error:
             raise table.error(f"key 'file': {error}") from error
     try:
