@@ -18,6 +18,7 @@ in all: sqrt(chi-square / 8), whose 95 % range for a right covariance is 0.52 to
 """
 
 import argparse
+import dataclasses
 import json
 import os
 from pathlib import Path
@@ -35,12 +36,16 @@ def quadratic(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
     return np.einsum("fi,fi->f", errors, np.linalg.solve(covariances, errors[:, :, None])[:, :, 0])
 
 
-def judge(name: str, shared: Path, trials: tuple[str, ...] | None = None, session_file: str | None = None) -> dict:
-    """Figures of one session."""
-    from icjax.capture import capture, read_session
+def judge(name: str, shared: Path, trials: tuple[str, ...] | None = None, calibrate: bool = False) -> dict:
+    """Figures of one session, with `calibrate` on a model calibrated by its first four trials."""
+    from icjax.capture import CalibrationOptions, capture, read_session
 
     os.environ["ICJAX_SHARED_DATA"] = str(shared)
-    session = capture(read_session(HERE / "sessions" / (session_file or f"virtual_{name}.toml")), trials=trials)
+    spec = read_session(HERE / "sessions" / f"virtual_{name}.toml")
+    if calibrate:
+        options = CalibrationOptions(tuple(trial.name for trial in spec.trials[:4]))
+        spec = dataclasses.replace(spec, calibration=options)
+    session = capture(spec, trials=trials)
     errors, frame, offsets = [], [], []
     for recording in session.recordings:
         truth = np.load(shared / "virtual_sessions" / name / f"{recording.name}_truth.npz")
@@ -63,6 +68,16 @@ def judge(name: str, shared: Path, trials: tuple[str, ...] | None = None, sessio
         "offset_deg": np.degrees(offset).round(3).tolist(),
         "offset_sd_deg": np.degrees(np.sqrt(np.diag(left))).round(3).tolist(),
         "offset_chi_square": round(float(quadratic(offset[None], left[None])[0]), 3),
+    } | (_lengths(session.recordings[0].provenance) if calibrate else {})
+
+
+def _lengths(provenance: str) -> dict:
+    """Relative changes of the segments and their deviations; the model's lengths are the true ones."""
+    items = json.loads(provenance)["calibration"]["parameters"]
+    return {
+        item["name"]: [round(item["value"], 4), round(item["sd"], 4)]
+        for item in items
+        if item["name"].startswith("length")
     }
 
 
@@ -85,15 +100,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--shared", type=Path, required=True, help="folder that holds virtual_sessions")
     parser.add_argument("--sessions", nargs="+", default=list(SUBJECTS))
+    parser.add_argument("--calibrate", action="store_true", help="calibrate the model first, by four trials")
     parser.add_argument("--out", type=Path, default=HERE / "results" / "angle_covariance.json")
     arguments = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    figures = json.loads(arguments.out.read_text())["sessions"] if arguments.out.is_file() else {}
+    held = json.loads(arguments.out.read_text()) if arguments.out.is_file() else {}
+    figures, calibrated = held.get("sessions", {}), held.get("calibrated", {})
     for name in arguments.sessions:
-        figures[name] = judge(name, arguments.shared)
-        print(name, json.dumps(figures[name]), flush=True)
-    result = {"data": "simulated", "joints": JOINTS, "sessions": figures, "pooled": pooled(figures)}
-    print("pooled", json.dumps(result["pooled"]))
+        found = judge(name, arguments.shared, calibrate=arguments.calibrate)
+        (calibrated if arguments.calibrate else figures)[name] = found
+        print(name, json.dumps(found), flush=True)
+    result = {"data": "simulated", "joints": JOINTS, "sessions": figures, "calibrated": calibrated}
+    if figures:
+        result["pooled"] = pooled(figures)
+        print("pooled", json.dumps(result["pooled"]))
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
     arguments.out.write_text(json.dumps(result, indent=1) + "\n")
 

@@ -15,8 +15,9 @@ from icjax.model import Model, forward_kinematics, integrate
 from icjax.typing import Float, Real
 
 STEPS = 60
-SMALL = 1e-5
-"""Of a step, in units of the priors for the parameters and in rad or m for the poses."""
+NEGLIGIBLE = 0.01
+"""Decrease of the sum of squares in one step, in units of the noise: a parameter that is off by its standard deviation
+costs 1, so what is left is a tenth of that."""
 
 DAMPING = (1e-3, 1e-9, 1e9)
 """First, smallest and largest damping, relative to the diagonal."""
@@ -132,7 +133,7 @@ def adjust(
 ) -> tuple[Bundle, Blocks, bool]:
     """Levenberg-Marquardt on poses and parameters together.
 
-    **Returns** the state, its normal equations and whether a step below `SMALL` ended the search.
+    **Returns** the state, its normal equations and whether a decrease below `NEGLIGIBLE` ended the search.
 
     **Source**: Triggs et al. 2000, Bundle adjustment: a modern synthesis, section 6 (reduced system); Marquardt 1963.
     """
@@ -142,13 +143,13 @@ def adjust(
         dq, dz, _ = schur(blocks, jnp.asarray(damping))
         trial = Bundle(_moved(model, at.q, dq), at.z + dz)
         there = normal_equations(model, sites, parameters, trial, data)
-        better = bool(there.cost <= blocks.cost)
+        decrease = float(blocks.cost - there.cost)
+        better = decrease >= 0
         if better:
             at, blocks = trial, there
         damping = float(np.clip(damping / 10 if better else damping * 10, DAMPING[1], DAMPING[2]))
         told((step + 1) / STEPS)
-        largest = max(float(jnp.max(jnp.abs(dq))), float(jnp.max(jnp.abs(dz), initial=0.0)))
-        if largest < SMALL:
+        if better and decrease < NEGLIGIBLE and damping < 1.0:  # a heavily damped step is short, not the last
             return at, blocks, True
     return at, blocks, False
 
