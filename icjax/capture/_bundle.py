@@ -15,9 +15,9 @@ from icjax.model import Model, forward_kinematics, integrate
 from icjax.typing import Float, Real
 
 STEPS = 60
-NEGLIGIBLE = 0.01
+NEGLIGIBLE = 0.05
 """Decrease of the sum of squares in one step, in units of the noise: a parameter that is off by its standard deviation
-costs 1, so what is left is a tenth of that."""
+costs 1, so what is left is a fifth of that."""
 
 DAMPING = (1e-3, 1e-9, 1e9)
 """First, smallest and largest damping, relative to the diagonal."""

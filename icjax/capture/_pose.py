@@ -19,6 +19,10 @@ from icjax.typing import Real
 BLOCK = 512
 """Frames solved by one compiled call; trials of every length share its compilation."""
 
+NEAR = 1e-6
+"""rad or m; a step below it ends the search where a posture prior takes part: residuals that stay at the solution make
+the convergence linear, and the last steps the longest part."""
+
 WIDEST = 10.0
 """rad or m: what an undetermined coordinate's standard deviation is set to."""
 
@@ -178,6 +182,7 @@ def _compiled(model: Model, sites: tuple[int, ...], places, posture, start, mark
         nv=model.nv,
         retract=lambda q, dq: integrate(model, q, dq),
         linearise=linearise,
+        tolerance=NEAR if len(posture.target) else None,
     )
     q = solution.value.value
     places_W, poses = jax.vmap(predicted)(q)
