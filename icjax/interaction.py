@@ -6,7 +6,7 @@ import os
 
 import equinox as eqx
 
-from icjax.files import labelled, load_record, names, save_record, static
+from icjax.files import labelled, load_record, names, optional, save_record, static
 from icjax.model import Model
 from icjax.typing import Float, Int, Real
 
@@ -72,6 +72,9 @@ class Interaction(eqx.Module):
     summary: JointCompliance
     friction: float | None = static()
     provenance: str = static()  # JSON text
+    torque_sd: Float[Real, "time dof"] | None = optional(
+        "time", "dof", unit="Nm", doc="standard deviation of the torque, from joint angles, forces and contact points"
+    )
 
     def save(self, path: str | os.PathLike) -> None:
         """Write one labelled netCDF file, complete or not at all."""

@@ -6,7 +6,7 @@ import os
 
 import equinox as eqx
 
-from icjax.files import labelled, load_record, names, record_kind, save_record, static
+from icjax.files import labelled, load_record, names, optional, record_kind, save_record, static
 from icjax.model import Model
 from icjax.typing import Bool, Float, Int, Real
 
@@ -69,6 +69,18 @@ class Recording(eqx.Module):
     friction: float | None = static()  # of the touched surface, where the session states it
     provenance: str = static()  # JSON text: files, rates, units found, filters, versions, seed
     contact_kinds: tuple[str, ...] = static(())  # instrument of each contact; empty in older files: all six components
+    q_offset_covariance: Float[Real, "dof dof"] | None = optional(
+        "dof", "dof2", unit="rad2 or m2", doc="of the constant offset; its diagonal is q_offset_sd squared"
+    )
+    contact_force_sd: Float[Real, " contact"] | None = optional(
+        "contact", unit="N", doc="noise of the force, per axis, after the filter"
+    )
+    contact_point_sd: Float[Real, "time contact"] | None = optional(
+        "time",
+        "contact",
+        unit="m",
+        doc="standard deviation of the contact point along the surface; NaN without contact",
+    )
 
     @property
     def normal_only(self) -> tuple[str, ...]:

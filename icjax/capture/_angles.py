@@ -79,7 +79,7 @@ def recorded_angles(
     return JointAngles(
         q=q,
         covariance=np.broadcast_to(np.diag(sd**2), (len(q), model.nv, model.nv)).copy(),
-        offset_sd=sd,
+        offset_covariance=np.diag(sd**2),
         valid=valid,
         residual=np.zeros((len(q), 0)),
         body_rotations=rotations,

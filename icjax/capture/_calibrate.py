@@ -1,103 +1,233 @@
-"""From a recording in which film sensors are pressed against a reference to their curves."""
+"""Kinematic calibration: a subject's segment lengths, joint axes and marker places from recorded movement."""
 
-import os
-from pathlib import Path
-from typing import NamedTuple
+import dataclasses
+from collections.abc import Callable
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Bool, Float
 
-from icjax.capture._fsr import Curve, curves_text, fit_curve
-from icjax.capture._load import read_motion
-from icjax.capture._source_file import windows
-from icjax.files import FileError, MotionFile, Table, read_toml
+from icjax.capture._bundle import Blocks, Bundle, Data, adjust, schur
+from icjax.capture._calibration_parameters import (
+    CalibrationOptions,
+    Parameters,
+    calibration_parameters,
+    changed_model,
+)
+from icjax.capture._pose import PoseSolution, solve_poses
+from icjax.capture._posture import PosturePrior, no_prior
+from icjax.model import Model
+
+FIRST_SD = 0.001
+"""m; marker noise before the first residuals are known."""
+
+ROUNDS = 6
+"""Most times that the noise is taken from the residuals and the adjustment repeated."""
+
+SETTLED = 0.02
+"""Relative change of the noise below which it is not repeated."""
+
+CANDIDATES = 6
+"""Frames looked at for every frame used."""
+
+DETERMINED = 0.5
+"""A parameter whose standard deviation is not brought below this share of its prior's is called undetermined."""
 
 
-class Reference(NamedTuple):
-    """Channels of the reference force (one, or three whose size counts) and its unloaded intervals, s."""
+@dataclasses.dataclass(frozen=True)
+class Calibration:
+    """A calibrated model and how well it is known.
 
-    channels: tuple[str, ...]
-    tare: tuple[tuple[float, float], ...]
-
-
-def calibrate(path: str | os.PathLike) -> tuple[Curve, ...]:
-    """Curves of the sensors that a calibration file lists, see `fit_curve`.
-
-    Keys: `file`; [reference] with `channels` (one, signed, or three whose size is the force) and `tare`; one [[sensor]]
-    a sensor with `channel`, perhaps `interval` and its own `reference`; [columns] as in a session file.
-
-    **Errors**: `FileError`, one line that names the file, the table and the key, or the channel that cannot be used.
+    - `model`; `names`, `units` of the parameters: scale factors are given as relative changes, tilts in rad, places
+      in m along body axes.
+    - `value`, `sd`, `prior_sd` [parameter]; `covariance` [parameter, parameter] after the poses are integrated out.
+    - `determined` [parameter]: whether the recordings say more than the prior, sd < 0.5 prior sd.
+    - `offset_covariance` [dof, dof]: of the constant error that all this leaves in the coordinates, averaged over the
+      frames.
+    - `marker_sd`: m, per axis, of a marker about the calibrated model; `frames` used.
+    - `residual_before`, `residual_after`: m, RMS distance of the markers to the model's sites in these frames.
+    - `converged`.
     """
-    path = Path(path)
-    top = Table(path, "", read_toml(path))
-    data = path.parent / top.text("file")
-    columns = top.table("columns", None)
-    common = top.table("reference", None)
-    shared = None if common is None else _reference(common)
-    if not data.is_file():
-        raise FileError(path, f"key 'file' names {data}, which does not exist")
-    motion = read_motion(data, {} if columns is None else columns.content)
-    curves = [_curve(table, motion, shared) for table in top.tables("sensor")]
-    top.close()
-    if not curves:
-        raise FileError(path, "needs at least one sensor, written [[sensor]]")
-    names = [curve.channel for curve in curves]
-    if len(set(names)) < len(names):
-        raise FileError(path, "names a sensor twice")
-    return tuple(curves)
+
+    model: Model
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    value: Float[np.ndarray, " parameter"]
+    sd: Float[np.ndarray, " parameter"]
+    prior_sd: Float[np.ndarray, " parameter"]
+    determined: Bool[np.ndarray, " parameter"]
+    covariance: Float[np.ndarray, "parameter parameter"]
+    offset_covariance: Float[np.ndarray, "dof dof"]
+    marker_sd: float
+    frames: int
+    residual_before: float
+    residual_after: float
+    converged: bool
 
 
-def write_curves(path: str | os.PathLike, curves: tuple[Curve, ...], source: str) -> None:
-    """Write a calibration file, complete or not at all. **Errors**: `FileError` when it cannot be written."""
-    path = Path(path)
-    temporary = path.with_name(f".{path.name}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_text(curves_text(curves, f"written by icjax calibrate from {source}"), encoding="utf-8")
-        temporary.replace(path)
-    except OSError as error:
-        raise FileError(path, f"cannot be written: {error.strerror or error}") from error
-    finally:
-        temporary.unlink(missing_ok=True)
+def calibrate_model(
+    model: Model,
+    sites: tuple[int, ...],
+    recordings: tuple[Float[np.ndarray, "_ marker 3"], ...],
+    placement_sd: float,
+    options: CalibrationOptions,
+    posture: PosturePrior | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Calibration:
+    """Segment lengths, joint axes and marker places of greatest posterior probability, with the poses of the frames.
 
+    Minimise over the parameters z (in units of their priors) and the poses q_f
 
-def _reference(table: Table) -> Reference:
-    reference = Reference(
-        channels=table.texts("channels"),
-        tare=table.take("tare", windows, "an interval [from, to] in s, or a list of them"),
+        sum_f sum_i |x_fi - p_i(q_f, z)|^2 / s^2 + |z|^2 (+ posture),
+
+    so that what the recordings do not say stays at the model's value: the estimate is shrunk to anthropometry. s is
+    the markers' standard deviation, taken from the residuals. Poses are eliminated frame by frame (`schur`), and the
+    covariance of the parameters is that of the reduced problem.
+
+    The frames are spread over the postures that the recordings hold (each next one is the candidate farthest, in
+    joint angles, from those chosen). A rotation of a distal cluster about its joint's axis cannot be told from a
+    joint offset: it keeps its prior, and what it does to the angles is `offset_covariance`,
+
+        d q_f = -(J_q^T J_q / s^2 + P)^-1 (J_q^T J_z / s^2) d z, averaged over the frames.
+
+    Skin that moves over bone is no part of this: where residuals follow the posture, the standard deviations are
+    too small.
+
+    **Arguments**: `sites` one a marker; `recordings` markers of each trial, m, NaN in gaps; `placement_sd` m, per
+    axis; `posture` for models with more joints than the markers determine.
+
+    **Errors**: `ValueError` when no parameter is left to estimate, or no frame has markers.
+
+    **Source**: Kry and Pai 2006, section 4.3 (calibration as the cure); Reinbolt et al. 2005, J. Biomech. 38, 621
+    (joint parameters and poses from markers); Triggs et al. 2000 (bundle adjustment).
+    """
+    told = progress or (lambda fraction: None)
+    parameters = calibration_parameters(model, sites, placement_sd, options)
+    if not parameters.names:
+        raise ValueError("calibration: nothing to estimate (no size, lengths, axes or placement)")
+    markers, weight, poses = _spread_frames(model, sites, recordings, options.frames, posture)
+    told(0.2)
+    data = Data(
+        markers=jnp.asarray(np.nan_to_num(markers)),
+        weight=jnp.asarray(weight),
+        posture=no_prior(model) if posture is None else posture,
+        sd=jnp.asarray(FIRST_SD),
     )
-    if len(reference.channels) not in (1, 3):
-        raise table.error(f"key 'channels' lists {len(reference.channels)} channels; it needs one or three")
-    table.close()
-    return reference
+    at = Bundle(jnp.asarray(poses.q), jnp.zeros(len(parameters.names)))
+    sd, converged = FIRST_SD, False
+    for turn in range(ROUNDS):
+
+        def inner(fraction: float, turn: int = turn) -> None:
+            told(0.2 + 0.8 * (turn + fraction) / ROUNDS)
+
+        at, blocks, converged = adjust(model, sites, parameters, at, data, inner)
+        found = _noise(blocks, data, sd)
+        if abs(found - sd) < SETTLED * sd:
+            break
+        sd = found
+        data = data._replace(sd=jnp.asarray(sd))
+    told(1.0)
+    return _result(model, sites, parameters, at, blocks, data, converged, poses)
 
 
-def _curve(table: Table, motion: MotionFile, shared: Reference | None) -> Curve:
-    channel = table.text("channel")
-    interval = table.take("interval", windows, "an interval [from, to] in s, or a list of them", None)
-    own = table.table("reference", None)
-    reference = shared if own is None else _reference(own)
-    table.close()
-    if reference is None:
-        raise table.error("needs a reference: the table [reference], or a key 'reference' of its own")
-    time = motion.analog_time
-    values, voltage = motion.channels(reference.channels), motion.channels([channel])[:, 0]
-    unloaded = _inside(time, reference.tare)
-    if unloaded.sum() < 20:
-        raise table.error(f"the tare of its reference holds {unloaded.sum()} samples; it needs 20")
-    values = values - values[unloaded].mean(axis=0)
-    force = values[:, 0] if values.shape[1] == 1 else np.linalg.norm(values, axis=1)
-    used = np.isfinite(voltage) & np.isfinite(force)
-    if interval is not None:
-        used &= _inside(time, interval) | unloaded
-    noise = float(np.std(force[unloaded]))
-    try:
-        return fit_curve(channel, time[used], voltage[used], force[used], noise)
-    except ValueError as error:
-        raise table.error(str(error)) from error
+def _result(
+    model: Model,
+    sites: tuple[int, ...],
+    parameters: Parameters,
+    at: Bundle,
+    blocks: Blocks,
+    data: Data,
+    converged: bool,
+    poses: PoseSolution,
+) -> Calibration:
+    prior = parameters.prior_sd
+    inverse = np.linalg.inv(np.asarray(schur(blocks, jnp.asarray(0.0))[2]))
+    effect = np.linalg.solve(np.asarray(blocks.A), np.asarray(blocks.B))
+    sd = np.sqrt(np.diag(inverse))
+    calibrated = jax.tree.map(np.asarray, changed_model(model, sites, parameters, at.z))
+    weight = np.asarray(data.weight)
+    before = np.linalg.norm(np.asarray(data.markers) - poses.predicted, axis=-1)
+    return Calibration(
+        model=calibrated,
+        names=parameters.names,
+        units=parameters.units,
+        value=np.asarray(at.z) * prior,
+        sd=sd * prior,
+        prior_sd=prior,
+        determined=sd < DETERMINED,
+        covariance=inverse * prior[:, None] * prior[None, :],
+        offset_covariance=np.einsum("fvp,pr,fwr->vw", effect, inverse, effect) / len(effect),
+        marker_sd=float(data.sd),
+        frames=len(effect),
+        residual_before=float(np.sqrt(np.sum(weight * before**2) / weight.sum())),
+        residual_after=float(np.sqrt(float(blocks.misfit) / weight.sum()) * float(data.sd)),
+        converged=bool(converged),
+    )
 
 
-def _inside(time: np.ndarray, intervals: tuple[tuple[float, float], ...]) -> np.ndarray:
-    inside = np.zeros(len(time), bool)
-    for start, stop in intervals:
-        inside |= (time >= start) & (time <= stop)
-    return inside
+def _noise(blocks: Blocks, data: Data, sd: float) -> float:
+    """Standard deviation of a marker per axis: sum of squares over what is left of the number of measurements.
+
+    Poses and parameters take trace(H_data H^-1) measurements each, less than their number where priors hold them.
+    """
+    seen, A = np.asarray(blocks.seen), np.asarray(blocks.A)
+    taken = float(np.sum(np.trace(np.linalg.solve(A, seen), axis1=1, axis2=2)))
+    reduced = np.asarray(schur(blocks, jnp.asarray(0.0))[2])
+    taken += len(reduced) - float(np.trace(np.linalg.inv(reduced)))
+    left = 3 * float(jnp.sum(data.weight)) - taken
+    if left <= 0:
+        raise ValueError("calibration: the markers are too few to tell noise from movement")
+    return float(np.sqrt(float(blocks.misfit) * sd**2 / left))
+
+
+def _spread_frames(
+    model: Model,
+    sites: tuple[int, ...],
+    recordings: tuple[np.ndarray, ...],
+    count: int,
+    posture: PosturePrior | None,
+) -> tuple[np.ndarray, np.ndarray, PoseSolution]:
+    """Frames that cover the postures, their weights, and their poses on the model as it is."""
+    each = -(-CANDIDATES * count // len(recordings))
+    parts = []
+    for markers in recordings:
+        seen = np.asarray(np.isfinite(markers).all(axis=-1))
+        most = np.flatnonzero(seen.sum(axis=1) >= min(seen.sum(axis=1).max(), seen.shape[1] - 1))
+        if not seen.any():
+            raise ValueError("calibration: a recording has no markers")
+        chosen = np.unique(most[np.linspace(0, len(most) - 1, min(each, len(most))).astype(int)])
+        parts.append(markers[chosen])
+    solved = [
+        solve_poses(model, sites, part, np.isfinite(part).all(axis=-1).astype(float), posture=posture) for part in parts
+    ]
+    poses = PoseSolution(*(np.concatenate(items) for items in zip(*solved, strict=True)))
+    markers = np.concatenate(parts)
+    weight = np.isfinite(markers).all(axis=-1).astype(float)
+    distance = np.nan_to_num(np.linalg.norm(markers - poses.predicted, axis=-1))
+    error = np.sqrt(np.sum(weight * distance**2, axis=1) / weight.sum(axis=1))
+    usable = np.flatnonzero(poses.converged & (error <= 3 * np.median(error)))
+    picked = usable[_farthest(_angles(model, poses.q[usable]), count)]
+    return markers[picked], weight[picked], PoseSolution(*(item[picked] for item in poses))
+
+
+def _angles(model: Model, q: np.ndarray) -> np.ndarray:
+    """Coordinates of hinges, slides and balls: what a posture is, wherever it stands."""
+    parts = [
+        q[:, part]
+        for kind, part in zip(model.joint_types, model.coordinate_slices, strict=True)
+        if kind in ("hinge", "slide", "ball")
+    ]
+    return np.concatenate(parts, axis=1) if parts else np.zeros((len(q), 1))
+
+
+def _farthest(points: np.ndarray, count: int) -> np.ndarray:
+    """Indices of at most `count` points, each the farthest from all before it (Gonzalez 1985), in order of time."""
+    if len(points) <= count:
+        return np.arange(len(points))
+    chosen = [int(np.argmin(np.linalg.norm(points - np.median(points, axis=0), axis=1)))]
+    distance = np.linalg.norm(points - points[chosen[0]], axis=1)
+    while len(chosen) < count:
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return np.unique(chosen)

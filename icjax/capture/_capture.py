@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from icjax.capture._angles import recorded_angles
+from icjax.capture._calibrate import Calibration, calibrate_model
+from icjax.capture._calibration_summary import calibration_record
 from icjax.capture._contacts import sensor_channels, trial_contacts
 from icjax.capture._joint_angles import JointAngles, joint_angles
 from icjax.capture._load import load_trial, read_movement
@@ -20,6 +22,9 @@ from icjax.recording import NORMAL_ONLY, ContactEvents, Recording, Session
 FARTHEST = 1e3
 """m; no laboratory is larger."""
 
+CALIBRATION_SHARE = 0.2
+"""Of the progress of a session that is calibrated first."""
+
 
 def capture(
     spec: SessionSpec, progress: Callable[[float], object] | None = None, trials: tuple[str, ...] | None = None
@@ -28,7 +33,8 @@ def capture(
 
     Forces: channels -> wrench on the subject, tared (`sensor_wrench`); events at the force's own rate
     (`contact_events`); low-pass, onto the marker clock (`on_marker_clock`); contact points (`contact_points`).
-    A force is zero where nothing touches. Markers: `joint_angles`.
+    A force is zero where nothing touches. Markers: `joint_angles`. Where the session asks for it, the model is
+    calibrated first (`calibrate_model`), and every recording has the calibrated one.
 
     **Arguments**: `spec` from `read_session`; `progress` is told the finished fraction of the session; `trials` names
     those wanted, default all.
@@ -39,23 +45,65 @@ def capture(
     unknown = set(trials or ()) - {item.name for item in wanted}
     if unknown:
         raise ValueError(f"trials names {', '.join(sorted(unknown))}, which {spec.path} does not have")
+
+    def told_of(fraction: float) -> None:
+        if progress is not None:
+            progress(fraction)
+
+    calibration = None
+    share = 0.0
+    if spec.calibration is not None:
+        share = CALIBRATION_SHARE
+        calibration = calibrate_session(spec, lambda fraction: told_of(share * fraction))
+        spec = dataclasses.replace(spec, model=calibration.model)
     recordings = []
     for index, trial in enumerate(wanted):
 
         def told(fraction: float, index: int = index) -> None:
-            if progress is not None:
-                progress((index + fraction) / len(wanted))
+            told_of(share + (1.0 - share) * (index + fraction) / len(wanted))
 
-        recordings.append(capture_trial(spec, trial, told))
+        recordings.append(capture_trial(spec, trial, told, calibration))
     return Session(name=spec.name, subject=spec.subject, recordings=tuple(recordings))
 
 
-def capture_trial(spec: SessionSpec, trial: TrialSpec, progress: Callable[[float], None] | None = None) -> Recording:
-    """One trial of a session, see `capture`."""
+def calibrate_session(spec: SessionSpec, progress: Callable[[float], None] | None = None) -> Calibration:
+    """The calibration that a session asks for, from the raw markers of the trials that it names.
+
+    **Errors**: `FileError` for a session without [calibration], or markers that cannot be used.
+    """
+    if spec.calibration is None:
+        raise FileError(spec.path, "has no table [calibration]")
+    markers = []
+    for trial in spec.trials:
+        if trial.name in spec.calibration.trials:
+            names, found = session_markers(spec, load_trial(spec, trial), trial.markers)
+            markers.append(found)
+    sites = tuple(spec.model.site(site) for _, site in spec.markers)
+    try:
+        return calibrate_model(
+            spec.model, sites, tuple(markers), spec.placement_sd, spec.calibration, spec.posture, progress
+        )
+    except FileError:
+        raise
+    except ValueError as error:
+        raise FileError(spec.path, f"[calibration]: {error}") from error
+
+
+def capture_trial(
+    spec: SessionSpec,
+    trial: TrialSpec,
+    progress: Callable[[float], None] | None = None,
+    calibration: Calibration | None = None,
+) -> Recording:
+    """One trial of a session, see `capture`; `calibration` is the one that the model of `spec` comes from."""
     motion = load_trial(spec, trial)
     sources = tuple(spec.source(name) for name in dict.fromkeys(name for name, _ in trial.touches))
     sensors = tuple(sensor_wrench(motion, trial, source, spec.path) for source in sources)
     names, markers, angles = _movement(spec, trial, motion, progress)
+    if calibration is not None and not trial.angles:
+        placed = spec.calibration is not None and spec.calibration.placement
+        left = calibration.offset_covariance + (0.0 if placed else angles.offset_covariance)
+        angles = dataclasses.replace(angles, offset_covariance=left)
     time = motion.marker_time
     contacts = trial_contacts(spec, trial, sensors, angles, time)
     events = contacts.events
@@ -85,8 +133,11 @@ def capture_trial(spec: SessionSpec, trial: TrialSpec, progress: Callable[[float
         marker_residual=angles.residual,
         channels=sensor_channels(spec, trial, sensors, angles, time),
         friction=trial.friction,
-        provenance=_provenance(spec, trial, motion, angles, contacts.thresholds),
+        provenance=_provenance(spec, trial, motion, angles, contacts.thresholds, calibration),
         contact_kinds=tuple(spec.source(name).kind for name, _ in trial.touches),
+        q_offset_covariance=angles.offset_covariance,
+        contact_force_sd=contacts.force_sd,
+        contact_point_sd=contacts.point_sd,
     )
 
 
@@ -99,7 +150,8 @@ def _movement(
     names, markers = session_markers(spec, motion, trial.markers)
     sites = tuple(spec.model.site(dict(spec.markers)[name]) for name in names)
     rate, cutoff = motion.marker_rate, spec.filter.markers
-    return names, markers, joint_angles(spec.model, sites, markers, rate, cutoff, spec.placement_sd, progress)
+    solved = joint_angles(spec.model, sites, markers, rate, cutoff, spec.placement_sd, progress, spec.posture)
+    return names, markers, solved
 
 
 def session_markers(spec: SessionSpec, motion: MotionFile, path: Path) -> tuple[tuple[str, ...], np.ndarray]:
@@ -126,7 +178,14 @@ def session_markers(spec: SessionSpec, motion: MotionFile, path: Path) -> tuple[
     return names, np.stack(columns, axis=1)
 
 
-def _provenance(spec: SessionSpec, trial: TrialSpec, motion: MotionFile, angles: JointAngles, thresholds: dict) -> str:
+def _provenance(
+    spec: SessionSpec,
+    trial: TrialSpec,
+    motion: MotionFile,
+    angles: JointAngles,
+    thresholds: dict,
+    calibration: Calibration | None,
+) -> str:
     clock = motion.metadata.get("clock")
     return json.dumps(
         {
@@ -147,6 +206,7 @@ def _provenance(spec: SessionSpec, trial: TrialSpec, motion: MotionFile, angles:
             "marker_sd_m": angles.marker_sd,
             "placement_sd_m": spec.placement_sd,
             "angle_sd_rad": spec.angle_sd if trial.angles else None,
+            "calibration": None if calibration is None else calibration_record(calibration),
             "contact_thresholds_n": thresholds,
             "force_clock": None if clock is None else dataclasses.asdict(clock),
             "normal_only": [name for name, _ in trial.touches if spec.source(name).kind in NORMAL_ONLY],

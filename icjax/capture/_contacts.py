@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from icjax.capture._cells import CellForces, cell_contact, pad_place, touched_body, world_wrench
+from icjax.capture._contact_noise import force_noise, moment_noise, point_deviation
 from icjax.capture._contact_point import contact_points
 from icjax.capture._events import contact_events, force_course
-from icjax.capture._filters import HIGHEST_CUTOFF, lowpass
 from icjax.capture._joint_angles import JointAngles
 from icjax.capture._sensors import SensorWrench
 from icjax.capture._spec import SessionSpec, TrialSpec
@@ -24,7 +24,8 @@ Interval = tuple[float, float]
 class Contacts:
     """Contact channels of a trial, one a pair of source and body, as `Recording` holds them.
 
-    `events`: (onset, release, channel), in order of onset; `thresholds`: what each source's noise asked for.
+    `events`: (onset, release, channel), in order of onset; `thresholds`: what each source's noise asked for;
+    `force_sd` N and `point_sd` m: see `force_noise` and `point_deviation`.
     """
 
     names: tuple[str, ...]
@@ -35,6 +36,8 @@ class Contacts:
     touching: Bool[np.ndarray, "frame contact"]
     events: list[tuple[float, float, int]]
     thresholds: dict[str, dict[str, float]]
+    force_sd: Float[np.ndarray, " contact"]
+    point_sd: Float[np.ndarray, "frame contact"]
 
 
 def trial_contacts(
@@ -53,6 +56,7 @@ def trial_contacts(
     """
     count = len(trial.touches)
     force, point, moment = (np.zeros((len(time), count, 3)) for _ in range(3))
+    force_sd, point_sd = np.full(count, np.nan), np.full((len(time), count), np.nan)
     touching = np.zeros((len(time), count), bool)
     events: list[tuple[float, float, int]] = []
     bodies, names, thresholds = [""] * count, [""] * count, {}
@@ -73,23 +77,27 @@ def trial_contacts(
                 mine = [interval for interval, toucher in zip(found, who, strict=True) if toucher == which]
                 events += [(onset, release, index) for onset, release in mine]
                 on = _during(mine, time) & np.isfinite(wrench).all(axis=1)
+                force_sd[index] = force_noise(sensor, spec.filter.forces)
                 if sensor.pressing is not None:
                     pressing = resampled(sensor.pressing, sensor.time, sensor.rate, time, spec.filter.forces)
                     cells = CellForces(wrench, pressing)
                     contact = cell_contact(spec.model, spec.source(sensor.name), target, angles, cells, on)
                     force[:, index], point[:, index], moment[:, index] = contact
                     touching[:, index] = on & np.isfinite(contact.point).all(axis=1)
+                    point_sd[touching[:, index], index] = spec.contact.point_sd
                     continue
-                least = max(course.onset, _moment_noise(sensor, spec.filter.forces) / spec.contact.point_sd)
+                noise = moment_noise(sensor, spec.filter.forces)
+                least = max(course.onset, noise / spec.contact.point_sd)
                 thresholds[sensor.name]["centre_of_pressure_above"] = least
                 centre, radius = _pad(spec.model, target, angles)
                 point[:, index], moment[:, index] = _points(sensor, wrench, on, centre, radius, least)
                 force[:, index] = np.where(on[:, None], wrench[:, 3:], 0.0)
                 touching[:, index] = on
+                point_sd[:, index] = point_deviation(force[:, index], sensor, noise, least, spec.contact.point_sd)
         except ValueError as error:
             raise FileError(spec.path, f"[[trial]] '{trial.name}': {error}") from error
     events.sort()
-    return Contacts(tuple(names), tuple(bodies), force, point, moment, touching, events, thresholds)
+    return Contacts(tuple(names), tuple(bodies), force, point, moment, touching, events, thresholds, force_sd, point_sd)
 
 
 def _during(intervals: list[Interval], time: np.ndarray) -> np.ndarray:
@@ -150,15 +158,6 @@ def _points(
     wrench = np.concatenate([about, force], axis=1)
     point, free = contact_points(wrench, touching, sensor.surface, at_rest, radius, least)
     return carrier.carried(point), np.einsum("fij,fj->fi", R, free)
-
-
-def _moment_noise(sensor: SensorWrench, cutoff: float) -> float:
-    """Standard deviation of the filtered moment about the surface's point, Nm; zero if nothing was tared."""
-    if sensor.surface is None or sensor.unloaded.sum() <= 10:
-        return 0.0
-    about = sensor.wrench[:, :3] - np.cross(np.array(sensor.surface.point)[None, :], sensor.wrench[:, 3:])
-    filtered = lowpass(about, sensor.rate, min(cutoff, HIGHEST_CUTOFF * sensor.rate))[sensor.unloaded]
-    return float(np.sqrt(np.nanmean(np.nanvar(filtered, axis=0))))
 
 
 def sensor_channels(

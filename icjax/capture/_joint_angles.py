@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float
 
 from icjax.capture._filters import HIGHEST_CUTOFF, lowpass, runs
 from icjax.capture._pose import PoseSolution, pose_covariance, solve_poses
+from icjax.capture._posture import PosturePrior
 from icjax.model import Model
 
 LONGEST_BRIDGE = 0.1
@@ -25,7 +26,7 @@ class JointAngles:
     """Coordinates of a trial.
 
     - `q` [frame, nq], `covariance` [frame, nv, nv] of the frame-to-frame error.
-    - `offset_sd` [nv]: of the constant offset that marker placement leaves.
+    - `offset_covariance` [nv, nv]: of the constant offset that marker placement leaves.
     - `valid` [frame]: whether the markers determine every coordinate.
     - `residual` [frame, marker]: distance of the measured marker to the model, m; NaN in gaps.
     - `body_rotations`, `body_positions`: world poses of all bodies in every frame.
@@ -34,12 +35,17 @@ class JointAngles:
 
     q: Float[np.ndarray, "frame nq"]
     covariance: Float[np.ndarray, "frame nv nv"]
-    offset_sd: Float[np.ndarray, " nv"]
+    offset_covariance: Float[np.ndarray, "nv nv"]
     valid: Bool[np.ndarray, " frame"]
     residual: Float[np.ndarray, "frame marker"]
     body_rotations: Float[np.ndarray, "frame body 3 3"]
     body_positions: Float[np.ndarray, "frame body 3"]
     marker_sd: float
+
+    @property
+    def offset_sd(self) -> Float[np.ndarray, " nv"]:
+        """Standard deviation of the constant offset of every coordinate."""
+        return np.sqrt(np.diag(self.offset_covariance))
 
 
 def joint_angles(
@@ -50,6 +56,7 @@ def joint_angles(
     cutoff: float,
     placement_sd: float,
     progress: Callable[[float], None] | None = None,
+    posture: PosturePrior | None = None,
 ) -> JointAngles:
     """Joint angles from markers.
 
@@ -62,31 +69,33 @@ def joint_angles(
 
     The covariance is s^2 (J^T J)^-1; s^2 is the variance of what is left between filtered markers and model after
     the mean of each marker in its body's frame, which is misplacement and not noise. Misplacement itself turns a
-    whole cluster about its joint, which no recording shows: `offset_sd` is the root of the diagonal of
-    placement_sd^2 (J^T J)^-1, averaged over the trial.
+    whole cluster about its joint, which no recording shows: `offset_covariance` is placement_sd^2 (J^T J)^-1, averaged
+    over the trial. With a `posture` prior of inverse covariance P every (J^T J / s^2)^-1 is (J^T J / s^2 + P)^-1.
 
-    **Arguments**: `sites` one a marker; `markers` m, NaN in gaps; `rate`, `cutoff` Hz; `placement_sd` m, per axis.
+    **Arguments**: `sites` one a marker; `markers` m, NaN in gaps; `rate`, `cutoff` Hz; `placement_sd` m, per axis;
+    `posture` for models with more joints than the markers determine.
     """
     told = progress or (lambda fraction: None)
     seen = np.asarray(np.isfinite(markers).all(axis=-1))
-    raw = solve_poses(model, sites, markers, seen.astype(float), progress=lambda done: told(0.5 * done))
+    raw = solve_poses(
+        model, sites, markers, seen.astype(float), progress=lambda done: told(0.5 * done), posture=posture
+    )
     shift = _mean_places(raw, markers, seen)
-    raw = _gaps_again(model, sites, raw, markers, seen, shift)
+    raw = _gaps_again(model, sites, raw, markers, seen, shift, posture)
     filtered = lowpass(_bridged(raw, markers, seen), rate, min(cutoff, HIGHEST_CUTOFF * rate))
     weight = np.where(_long_gaps(seen, rate), 0.0, 1.0)
-    second = solve_poses(model, sites, filtered, weight, raw.q, shift, lambda done: told(0.5 + 0.5 * done))
-    sd = _marker_sd(second, filtered, weight, model.nv)
-    _, determined = pose_covariance(second.information, FIRST_SD)
-    covariance, _ = pose_covariance(second.information, sd)
-    offsets, _ = pose_covariance(second.information, placement_sd)
+    second = solve_poses(model, sites, filtered, weight, raw.q, shift, lambda done: told(0.5 + 0.5 * done), posture)
+    sd = _marker_sd(second, filtered, weight, model.nv, FIRST_SD if posture is None else float(posture.noise))
+    _, determined = pose_covariance(second.information, FIRST_SD, second.prior)
+    covariance, _ = pose_covariance(second.information, sd, second.prior)
+    offsets, _ = pose_covariance(second.information, placement_sd, second.prior)
     usable = determined & second.converged
-    variances = np.diagonal(offsets, axis1=1, axis2=2)
-    mean = variances[usable].mean(axis=0) if usable.any() else variances.mean(axis=0)
+    mean = offsets[usable].mean(axis=0) if usable.any() else offsets.mean(axis=0)
     on_sites = second.predicted - _turned(second, shift)
     return JointAngles(
         q=second.q,
         covariance=covariance,
-        offset_sd=np.sqrt(mean),
+        offset_covariance=mean,
         valid=usable,
         residual=np.where(seen, np.linalg.norm(markers - on_sites, axis=-1), np.nan),
         body_rotations=second.body_rotations,
@@ -109,14 +118,20 @@ def _mean_places(poses: PoseSolution, markers: np.ndarray, seen: np.ndarray) -> 
 
 
 def _gaps_again(
-    model: Model, sites: tuple[int, ...], poses: PoseSolution, markers: np.ndarray, seen: np.ndarray, shift: np.ndarray
+    model: Model,
+    sites: tuple[int, ...],
+    poses: PoseSolution,
+    markers: np.ndarray,
+    seen: np.ndarray,
+    shift: np.ndarray,
+    posture: PosturePrior | None,
 ) -> PoseSolution:
     """Frames with a gap solved with the markers' own places; predictions of all frames on these places."""
     poses = poses._replace(predicted=poses.predicted + _turned(poses, shift))
     gaps = np.flatnonzero(~seen.all(axis=1))
     if not len(gaps):
         return poses
-    again = solve_poses(model, sites, markers[gaps], seen[gaps].astype(float), poses.q[gaps], shift)
+    again = solve_poses(model, sites, markers[gaps], seen[gaps].astype(float), poses.q[gaps], shift, posture=posture)
     items = [item.copy() for item in poses]
     for item, new in zip(items, again, strict=True):
         item[gaps] = new
@@ -149,16 +164,23 @@ def _long_gaps(seen: np.ndarray, rate: float) -> np.ndarray:
     return long
 
 
-def _marker_sd(poses: PoseSolution, markers: np.ndarray, weight: np.ndarray, nv: int) -> float:
+def _marker_sd(poses: PoseSolution, markers: np.ndarray, weight: np.ndarray, nv: int, noise: float) -> float:
     """Standard deviation per axis of markers about their mean place on their body, NaN if none is redundant.
 
-    Frames in which too few markers are seen to determine the pose say nothing and are left out.
+    Frames in which too few markers are seen to determine the pose say nothing and are left out. A frame's pose takes
+    trace(H (H + P)^-1) measurements, H = J^T J / noise^2: nv without a posture prior P.
     """
     used = weight > 0
-    used &= (3 * used.sum(axis=1) >= nv)[:, None]
+    if poses.prior.any():
+        seen = poses.information / noise**2
+        eye = np.eye(nv) * 1e-9 * np.max(seen)
+        taken = np.trace(np.linalg.solve(seen + poses.prior + eye, seen), axis1=1, axis2=2)
+    else:
+        taken = np.full(len(used), float(nv))
+    used &= (3 * used.sum(axis=1) >= taken)[:, None]
     beside = np.einsum("fmji,fmj->fmi", poses.rotations, markers - poses.predicted)
     count = used.sum(axis=0)
     mean = np.sum(np.where(used[:, :, None], beside, 0.0), axis=0) / np.maximum(count, 1)[:, None]
     squares = np.sum(np.where(used[:, :, None], (beside - mean) ** 2, 0.0))
-    freedom = 3 * used.sum() - nv * used.any(axis=1).sum() - 3 * np.sum(count > 0)
+    freedom = 3 * used.sum() - taken[used.any(axis=1)].sum() - 3 * np.sum(count > 0)
     return float(np.sqrt(squares / freedom)) if freedom > 0 else float("nan")

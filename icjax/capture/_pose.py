@@ -9,13 +9,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
+from icjax.capture._posture import PosturePrior, no_prior, prior_rows
 from icjax.capture._registration import start_coordinates
 from icjax.inference import covariance, least_squares
 from icjax.model import Model, forward_kinematics, integrate, neutral, world_jacobian
 from icjax.results import RESULTS
+from icjax.typing import Real
 
 BLOCK = 512
 """Frames solved by one compiled call; trials of every length share its compilation."""
+
+NEAR = 1e-6
+"""rad or m; a step below it ends the search where a posture prior takes part: residuals that stay at the solution make
+the convergence linear, and the last steps the longest part."""
 
 WIDEST = 10.0
 """rad or m: what an undetermined coordinate's standard deviation is set to."""
@@ -25,6 +31,7 @@ class PoseSolution(NamedTuple):
     """Pose of every frame.
 
     - `q` [frame, nq]; `information` [frame, nv, nv]: J^T J with J = d(markers) / dq, 1/m2 (rad, m).
+    - `prior` [frame, nv, nv]: inverse covariance that a posture prior adds, 1 (rad, m); zero without one.
     - `predicted` [frame, marker, 3]: markers on the model, m.
     - `rotations` [frame, marker, 3, 3]: of the body that carries each marker.
     - `body_rotations` [frame, body, 3, 3], `body_positions` [frame, body, 3]: world poses of all bodies.
@@ -33,6 +40,7 @@ class PoseSolution(NamedTuple):
 
     q: Float[np.ndarray, "frame nq"]
     information: Float[np.ndarray, "frame nv nv"]
+    prior: Float[np.ndarray, "frame nv nv"]
     predicted: Float[np.ndarray, "frame marker 3"]
     rotations: Float[np.ndarray, "frame marker 3 3"]
     body_rotations: Float[np.ndarray, "frame body 3 3"]
@@ -48,6 +56,7 @@ def solve_poses(
     start: Float[np.ndarray, "frame nq"] | None = None,
     shift: Float[np.ndarray, "marker 3"] | None = None,
     progress: Callable[[float], None] | None = None,
+    posture: PosturePrior | None = None,
 ) -> PoseSolution:
     """Coordinates that bring the model's sites closest to the markers, frame by frame.
 
@@ -56,8 +65,10 @@ def solve_poses(
     there, interpolated in time.
 
     **Arguments**: `sites` of the model, one a marker; `markers` m, NaN where `weight` is zero; `shift` moves the
-    markers' places on their bodies away from the sites, m; `progress` is told the finished fraction.
+    markers' places on their bodies away from the sites, m; `progress` is told the finished fraction; the residuals
+    of `posture` are added to those of the markers.
     """
+    posture = posture or no_prior(model)
     weight = np.where(np.isfinite(markers).all(axis=-1), weight, 0.0)
     markers = np.nan_to_num(markers)
     told = progress or (lambda fraction: None)
@@ -65,13 +76,13 @@ def solve_poses(
     if shift is not None:
         places = places + shift
     if start is None:
-        start = _spread_start(model, sites, places, markers, weight)
+        start = _spread_start(model, sites, places, markers, weight, posture)
     total = -(-len(markers) // BLOCK)
     finished = 0
 
     def solve(*block):
         nonlocal finished
-        solved = jax.block_until_ready(_compiled(model, sites, places, *block))
+        solved = jax.block_until_ready(_compiled(model, sites, places, posture, *block))
         finished += 1
         told(finished / total)
         return solved
@@ -80,7 +91,12 @@ def solve_poses(
 
 
 def _spread_start(
-    model: Model, sites: tuple[int, ...], places: np.ndarray, markers: np.ndarray, weight: np.ndarray
+    model: Model,
+    sites: tuple[int, ...],
+    places: np.ndarray,
+    markers: np.ndarray,
+    weight: np.ndarray,
+    posture: PosturePrior,
 ) -> np.ndarray:
     """Solutions of at most one block of frames spread over the trial, interpolated to all frames."""
     count = len(markers)
@@ -88,12 +104,15 @@ def _spread_start(
     chosen = np.unique(complete[np.linspace(0, len(complete) - 1, min(len(complete), BLOCK)).astype(int)])
     observed, weights = markers[chosen], weight[chosen]
 
-    def solve(q, w):
+    def solve(q, w, prior=posture):
         rows = observed[: len(q)]
-        return PoseSolution(*by_blocks(lambda *block: _compiled(model, sites, places, *block), q, rows, w))
+        return PoseSolution(*by_blocks(lambda *block: _compiled(model, sites, places, prior, *block), q, rows, w))
 
+    nothing = posture._replace(
+        **{name: np.zeros_like(getattr(posture, name)) for name in ("over_q", "over_v", "target", "limit")}
+    )
     unmoved = solve(
-        np.asarray(neutral(model))[None], np.zeros_like(weights[:1])
+        np.asarray(neutral(model))[None], np.zeros_like(weights[:1]), nothing
     )  # without weights nothing moves: the neutral poses
     guess = start_coordinates(model, sites, unmoved.body_rotations[0], unmoved.body_positions[0], observed, weights)
     found = solve(guess, weights)
@@ -139,9 +158,8 @@ def _padded(array: np.ndarray, length: int) -> np.ndarray:
 
 
 @eqx.filter_jit
-def _compiled(model: Model, sites: tuple[int, ...], places, start, markers, weight):
+def _compiled(model: Model, sites: tuple[int, ...], places, posture, start, markers, weight):
     bodies = np.asarray(model.site_bodies)[list(sites)]
-    moves = model.path_mask[bodies]
     places = jnp.asarray(places)
 
     def predicted(q):
@@ -151,11 +169,11 @@ def _compiled(model: Model, sites: tuple[int, ...], places, start, markers, weig
     def linearise(q, data):
         observed, w = data
         points, _ = predicted(q)
-        twists = world_jacobian(model, q).T
-        velocities = twists[None, :, 3:] + jnp.cross(twists[None, :, :3], points[:, None, :])
         root = jnp.sqrt(w)[:, None]
-        J = jnp.swapaxes((root * moves)[:, :, None] * velocities, 1, 2)
-        return (root * (points - observed)).reshape(-1), J.reshape(-1, model.nv)
+        J = root[:, :, None] * marker_jacobian(model, bodies, q, points)
+        believed, slopes = prior_rows(model, posture, q)
+        r = jnp.concatenate([(root * (points - observed)).reshape(-1), believed])
+        return r, jnp.concatenate([J.reshape(-1, model.nv), slopes])
 
     solution = least_squares(
         lambda q, data: linearise(q, data)[0],
@@ -164,21 +182,45 @@ def _compiled(model: Model, sites: tuple[int, ...], places, start, markers, weig
         nv=model.nv,
         retract=lambda q, dq: integrate(model, q, dq),
         linearise=linearise,
+        tolerance=NEAR if len(posture.target) else None,
     )
     q = solution.value.value
     places_W, poses = jax.vmap(predicted)(q)
     solved = jax.vmap(lambda item: item == RESULTS.solved)(solution.result)
-    return q, solution.value.information, places_W, poses.rotation[:, bodies], poses.rotation, poses.position, solved
+
+    def believed(q):
+        slopes = prior_rows(model, posture, q)[1]
+        return slopes.T @ slopes
+
+    known = jax.vmap(believed)(q)
+    seen = solution.value.information - known
+    prior = known / posture.noise**2
+    return q, seen, prior, places_W, poses.rotation[:, bodies], poses.rotation, poses.position, solved
+
+
+def marker_jacobian(
+    model: Model, bodies: np.ndarray, q: Float[Real, " nq"], points: Float[Real, "marker 3"]
+) -> Float[Real, "marker 3 nv"]:
+    """Velocity of points fixed in bodies per velocity of the coordinates: v + w x p of every twist that moves them.
+
+    **Arguments**: `bodies` [marker] index; `points` m, world.
+    """
+    twists = world_jacobian(model, q).T
+    velocities = twists[None, :, 3:] + jnp.cross(twists[None, :, :3], points[:, None, :])
+    return jnp.swapaxes(model.path_mask[bodies][:, :, None] * velocities, 1, 2)
 
 
 def pose_covariance(
-    information: Float[np.ndarray, "frame nv nv"], sd: float
+    information: Float[np.ndarray, "frame nv nv"], sd: float, prior: Float[np.ndarray, "frame nv nv"] | None = None
 ) -> tuple[Float[np.ndarray, "frame nv nv"], Bool[np.ndarray, " frame"]]:
-    """Covariance of the coordinates for markers of standard deviation `sd` (m, per axis), s^2 (J^T J)^-1.
+    """Covariance of the coordinates for markers of standard deviation `sd` (m, per axis), (J^T J / s^2 + P)^-1.
+
+    **Arguments**: `prior` P, the inverse covariance of a posture prior, default none.
 
     **Returns** the covariance (rad2, m2) and which frames determine every coordinate.
     """
-    return by_blocks(lambda block: covariance(block, np.float64(sd) ** 2, WIDEST), information)
+    total = information / sd**2 if prior is None else information / sd**2 + prior
+    return by_blocks(lambda block: covariance(block, np.float64(1.0), WIDEST), total)
 
 
 def by_blocks(function: Callable[..., Any], *arrays: np.ndarray) -> Any:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from icjax.capture._angles import ANGLE_SD, angle_columns, movement_key
+from icjax.capture._calibration_file import changed_by, read_calibration, read_posture
 from icjax.capture._source_file import read_source, windows
 from icjax.capture._spec import ClockSpec, ContactSpec, FilterSpec, SessionSpec, SourceSpec, TrialSpec
 from icjax.files import FileError, Table, read_toml
@@ -33,6 +34,7 @@ def read_session(path: str | os.PathLike) -> SessionSpec:
     folder = _folder(top, path)
     model_table = top.table("model")
     model, model_source = _model(model_table, path)
+    model = changed_by(model_table, top.table("sites", None), model)
     placement_sd = model_table.number("placement_sd", PLACEMENT_SD, above=0.0)
     angle_sd = model_table.number("angle_sd", ANGLE_SD, above=0.0)
     model_table.close()
@@ -56,6 +58,7 @@ def read_session(path: str | os.PathLike) -> SessionSpec:
             raise FileError(path, f"{where} the unknown trial '{trial.catch_of}'")
         if roles[trial.catch_of] != "trial":
             raise FileError(path, f"{where} '{trial.catch_of}', whose role is '{roles[trial.catch_of]}', not 'trial'")
+    calibration = read_calibration(top.table("calibration", None), [trial.name for trial in trials])
     spec = SessionSpec(
         path=path,
         name=name,
@@ -72,24 +75,30 @@ def read_session(path: str | os.PathLike) -> SessionSpec:
         angles=angles,
         angle_sd=angle_sd,
         clock=_clock(top.table("clock", None), sources),
+        calibration=calibration,
+        posture=read_posture(top.table("posture", None), model),
     )
     top.close()
     return spec
 
 
 def _folder(top: Table, path: Path) -> Path:
-    given = top.text("folder", ".")
+    folder = path.parent / _expanded(top, "folder", top.text("folder", "."))
+    if not folder.is_dir():
+        raise FileError(path, f"key 'folder' names {folder}, which is not a folder")
+    return folder
+
+
+def _expanded(table: Table, key: str, text: str) -> str:
+    """A path with its ${VARIABLES} replaced."""
 
     def value(match: re.Match) -> str:
         variable = match.group(1)
         if variable not in os.environ:
-            raise FileError(path, f"key 'folder' uses the environment variable {variable}, which is not set")
+            raise table.error(f"key '{key}' uses the environment variable {variable}, which is not set")
         return os.environ[variable]
 
-    folder = path.parent / re.sub(r"\$\{(\w+)\}", value, given)
-    if not folder.is_dir():
-        raise FileError(path, f"key 'folder' names {folder}, which is not a folder")
-    return folder
+    return re.sub(r"\$\{(\w+)\}", value, text)
 
 
 def _model(table: Table, path: Path) -> tuple[Model, str]:
@@ -104,7 +113,8 @@ def _model(table: Table, path: Path) -> tuple[Model, str]:
         if hand_length is not None:
             raise table.error("key 'hand_length' belongs to a builtin model, not to a file")
         try:
-            return load_model(path.parent / file, free_root=root == "free", strip=strip), file
+            source = path.parent / _expanded(table, "file", file)
+            return load_model(source, free_root=root == "free", strip=strip), file
         except FileError as error:
             raise table.error(f"key 'file': {error}") from error
     try:

@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from icjax.capture._calibration_parameters import CalibrationOptions
+from icjax.capture._posture import PosturePrior
 from icjax.model import Model
 
 
@@ -166,6 +168,8 @@ class SessionSpec:
     - `placement_sd`: m; standard deviation of a marker's place on the body, per axis, against its site.
     - `angles`: (joint of the model, column of the file), for trials whose movement is given by joint angles.
     - `angle_sd`: rad; standard deviation of such an angle.
+    - `calibration`: what to calibrate before the trials; None: nothing. `posture`: for models with more joints than
+      the markers determine.
     """
 
     path: Path
@@ -183,6 +187,8 @@ class SessionSpec:
     angles: tuple[tuple[str, str], ...] = ()
     angle_sd: float = 0.0
     clock: ClockSpec | None = None
+    calibration: CalibrationOptions | None = None
+    posture: PosturePrior | None = None
 
     def source(self, name: str) -> SourceSpec:
         """A source by its name."""

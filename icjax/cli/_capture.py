@@ -17,7 +17,9 @@ class Capture:
     """Folder for recording.nc."""
 
     def run(self) -> None:
-        from icjax.capture import capture, check_recording, read_session
+        import json
+
+        from icjax.capture import calibration_lines, capture, check_recording, read_session
         from icjax.cli._output import Steps
 
         steps = Steps(1)
@@ -25,6 +27,9 @@ class Capture:
             session = capture(read_session(self.session), progress=progress)
         path = self.out / "recording.nc"
         session.save(path)
+        calibration = json.loads(session.recordings[0].provenance).get("calibration") if session.recordings else None
+        for line in calibration_lines(calibration) if calibration else ():
+            print(f"  {line}")
         for recording in session.recordings:
             rms = _rms(recording.marker_residual[recording.valid])
             fit = f"marker residual {1e3 * rms:.2f} mm RMS" if recording.marker_names else "joint angles from a file"

@@ -39,3 +39,5 @@ from icjax.estimation._summary import pool as pool
 from icjax.estimation._summary import summarise as summarise
 from icjax.estimation._torque import contact_torque as contact_torque
 from icjax.estimation._torque import joint_torque as joint_torque
+from icjax.estimation._torque_error import TorqueDeviation as TorqueDeviation
+from icjax.estimation._torque_error import torque_deviation as torque_deviation

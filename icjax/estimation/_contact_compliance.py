@@ -35,6 +35,7 @@ def compliance_at_contact(
     recordings: tuple[Recording, ...],
     options: EstimationOptions | None = None,
     torques: tuple[Float[Real, "_ dof"], ...] | None = None,
+    constant: tuple[Float[Real, "_ dof"], ...] | None = None,
 ) -> CompliancePerEvent:
     """Compliance of every joint at every contact event of the recordings.
 
@@ -53,7 +54,9 @@ def compliance_at_contact(
     not exceed `options.excitation` times its noise. A negative estimate is kept and marked.
 
     The standard error is first-order propagation of the errors of both slopes (see `EstimationOptions` and
-    `fit_slope_change`). It covers noise about the polynomials. It does not cover the bias of the method: inertia,
+    `fit_slope_change`). It covers noise about the polynomials, and with `constant` what the polynomials cannot show:
+    an offset of the joint angles makes the torque too large or too small in the whole window by about the same share
+    sd_tau / tau, which adds C sd_tau / tau. It does not cover the bias of the method: inertia,
     damping and planned deceleration after contact all change the angle's slope and are read as compliance.
 
     With `options.inertia` the torque is J^T f - M e'' - B e' (`inertial_torque`) instead of J^T f.
@@ -63,6 +66,7 @@ def compliance_at_contact(
     - `recordings`: of one subject's model.
     - `options`: windows, degree, thresholds.
     - `torques`: `joint_torque` of each recording, Nm, if already computed.
+    - `constant`: `torque_deviation(...).offset` of each recording, Nm; default none.
 
     **Returns** the estimates, in order of recording and onset. Where the status is "not excited" or "too few
     samples" the compliance is NaN and its standard error infinite.
@@ -81,9 +85,12 @@ def compliance_at_contact(
     names: list[str] = []
     onsets: list[float] = []
     rows: list[list[_Estimate]] = []
-    for recording, torque in zip(recordings, torques, strict=True):
+    if constant is None:
+        constant = tuple(np.zeros(np.shape(torque)) for torque in torques)
+    for recording, torque, lasting in zip(recordings, torques, constant, strict=True):
         angle = angle_courses(model, recording.q, dofs)
         tau = np.asarray(torque)[:, list(dofs)]
+        shared = np.asarray(lasting)[:, list(dofs)]
         variance = np.diagonal(np.asarray(recording.q_covariance), axis1=1, axis2=2)[:, list(dofs)]
         loads = contacts_that_load(recording, dofs)
         motion = None
@@ -98,7 +105,9 @@ def compliance_at_contact(
                 static = tau - inertial[:, list(dofs)]
             rows.append(
                 [
-                    _at_event(recording, event, angle[:, j], static[:, j], variance[:, j], loads[j], options)
+                    _at_event(
+                        recording, event, angle[:, j], static[:, j], shared[:, j], variance[:, j], loads[j], options
+                    )
                     for j in range(len(dofs))
                 ]
             )
@@ -145,6 +154,7 @@ def _at_event(
     event: int,
     angle: np.ndarray,
     torque: np.ndarray,
+    shared: np.ndarray,
     variance: np.ndarray,
     loads: np.ndarray,
     options: EstimationOptions,
@@ -174,7 +184,9 @@ def _at_event(
     if abs(torque_change) <= least or abs(rise.slope) <= options.excitation * rise.slope_noise:
         return _Estimate(np.nan, np.inf, NOT_EXCITED, *fits)
     compliance = change.change / rise.slope
-    error = float(np.hypot(change.change_se, compliance * rise.slope_se) / abs(rise.slope))
+    fitted = np.hypot(change.change_se, compliance * rise.slope_se) / abs(rise.slope)
+    share = np.sqrt(np.sum(shared[after] ** 2) / np.sum(torque[after] ** 2))
+    error = float(np.hypot(fitted, compliance * share))
     return _Estimate(compliance, error, NEGATIVE if compliance < 0 else ACCEPTED, *fits)
 
 

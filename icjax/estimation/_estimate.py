@@ -13,6 +13,7 @@ from icjax.estimation._options import EstimationOptions
 from icjax.estimation._reference import compliance_path, reference_deviation, reference_trajectory
 from icjax.estimation._summary import summarise
 from icjax.estimation._torque import joint_torque
+from icjax.estimation._torque_error import TorqueDeviation, torque_deviation
 from icjax.interaction import STATUS, CompliancePerEvent, Interaction, JointCompliance
 from icjax.recording import Recording, Session
 
@@ -48,16 +49,17 @@ def estimate(
     report = progress or (lambda fraction: None)
     trials = session.trials()
     _check(session, trials, options)
-    torques = []
+    torques, deviations = [], []
     for done, recording in enumerate(trials):
         torques.append(np.asarray(joint_torque(recording)))
+        deviations.append(torque_deviation(recording))
         report(0.4 * (done + 1) / len(trials))
-    per_event = compliance_at_contact(trials, options, tuple(torques))
+    per_event = compliance_at_contact(trials, options, tuple(torques), tuple(item.offset for item in deviations))
     summary = summarise(per_event, options.pool_negative)
     report(0.6)
     interactions = []
-    for done, (recording, torque) in enumerate(zip(trials, torques, strict=True)):
-        interactions.append(_interaction(session, recording, torque, per_event, summary, options))
+    for done, (recording, torque, deviation) in enumerate(zip(trials, torques, deviations, strict=True)):
+        interactions.append(_interaction(session, recording, torque, deviation, per_event, summary, options))
         report(0.6 + 0.4 * (done + 1) / len(trials))
     return tuple(interactions)
 
@@ -82,6 +84,7 @@ def _interaction(
     session: Session,
     recording: Recording,
     torque: np.ndarray,
+    deviation: TorqueDeviation,
     per_event: CompliancePerEvent,
     summary: JointCompliance,
     options: EstimationOptions,
@@ -95,7 +98,7 @@ def _interaction(
         compliance=path.compliance,
         compliance_sd=path.compliance_sd,
         reference=np.asarray(reference_trajectory(recording.model, q, torque, path.compliance)),
-        reference_sd=reference_deviation(recording, torque, path.compliance_sd),
+        reference_sd=reference_deviation(recording, torque, path.compliance, path.compliance_sd, deviation.total),
         q=q,
         torque=torque,
         contact_names=recording.contact_names,
@@ -105,6 +108,7 @@ def _interaction(
         summary=summary,
         friction=recording.friction,
         provenance=_provenance(session, recording, per_event, path.sources, options),
+        torque_sd=deviation.total,
     )
 
 

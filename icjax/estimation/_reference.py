@@ -112,17 +112,20 @@ def reference_trajectory(
 def reference_deviation(
     recording: Recording,
     torque: Float[np.ndarray, "time dof"],
+    compliance: Float[np.ndarray, "time dof"],
     compliance_sd: Float[np.ndarray, "time dof"],
+    torque_sd: Float[np.ndarray, "time dof"],
 ) -> Float[np.ndarray, "time dof"]:
-    """Standard deviation of the reference: `sqrt(var q + offset_sd^2 + (tau sd_C)^2)`, rad.
+    """Standard deviation of the reference, rad: `sqrt(var q + offset_sd^2 + (tau sd_C)^2 + (C sd_tau)^2)`.
 
-    The error of the torque itself is left out (with C of 1 rad/Nm a torque error of 1 mNm is 0.06 degrees).
-    Infinite where a joint of unknown compliance is loaded.
+    The four are taken as independent, although angle and torque share the errors of the markers (with C of 1 rad/Nm
+    a torque error of 1 mNm is 0.06 degrees). Infinite where a joint of unknown compliance is loaded.
     """
     variance = np.diagonal(np.asarray(recording.q_covariance), axis1=1, axis2=2)
     loaded = torque != 0
     spread = np.where(loaded, torque, 1.0) * np.where(loaded, compliance_sd, 0.0)
-    return np.sqrt(variance + np.asarray(recording.q_offset_sd)[None, :] ** 2 + spread**2)
+    through_torque = np.where(loaded, compliance * torque_sd, 0.0)
+    return np.sqrt(variance + np.asarray(recording.q_offset_sd)[None, :] ** 2 + spread**2 + through_torque**2)
 
 
 @eqx.filter_jit

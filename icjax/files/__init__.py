@@ -14,6 +14,7 @@ from icjax.files._motion import MotionFile as MotionFile
 from icjax.files._records import labelled as labelled
 from icjax.files._records import load_record as load_record
 from icjax.files._records import names as names
+from icjax.files._records import optional as optional
 from icjax.files._records import record_kind as record_kind
 from icjax.files._records import save_record as save_record
 from icjax.files._records import static as static

@@ -16,7 +16,7 @@ class LayoutEntry(NamedTuple):
     """One variable, attribute or group of a record file.
 
     - `path`: with a slash for each group; `*` stands for the number of a repeated group.
-    - `sort`: "variable", "names" (a text coordinate), "attribute" (JSON text) or "groups" (numbered from 0).
+    - `sort`: "variable", "optional" (a variable that may be missing), "names" (a text coordinate), "attribute" (JSON text) or "groups" (numbered from 0).
     - `dims`: names of the dimensions; `unit`: SI unit, "1" for none, "" where it does not apply; `doc`: meaning.
     """
 
@@ -59,7 +59,8 @@ def _entries(record: type, prefix: str) -> Iterator[LayoutEntry]:
     for field in dataclasses.fields(record):
         metadata, path = field.metadata, prefix + field.name
         if "dims" in metadata:
-            yield LayoutEntry(path, "variable", metadata["dims"], metadata["unit"], metadata["doc"])
+            sort = "optional" if "optional" in metadata else "variable"
+            yield LayoutEntry(path, sort, metadata["dims"], metadata["unit"], metadata["doc"])
         elif "names" in metadata:
             yield LayoutEntry(path, "names", (metadata["names"],), "", "")
         elif "json" in metadata:
@@ -87,6 +88,8 @@ def _compare(group: Any, record: type, prefix: str, problems: list[str]) -> None
     for field in dataclasses.fields(record):
         metadata, path = field.metadata, prefix + field.name
         known.add(field.name)
+        if "optional" in metadata and field.name not in group.variables:
+            continue
         if "dims" in metadata:
             _compare_variable(group, field.name, metadata, path, problems)
         elif "names" in metadata:

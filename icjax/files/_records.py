@@ -5,6 +5,7 @@ A record is an ``eqx.Module`` whose fields are declared with
 - `labelled`: an array with named dimensions and a unit; written as a netCDF variable,
 - `names`: a static tuple of strings that names the entries of one dimension; written as its coordinate,
 - `static`: anything JSON can hold (text, numbers, tuples); written as an attribute,
+- `optional`: an array that may be None, and is where a file does not have it,
 - another record: written as a group.
 
 Files are netCDF4 (plain HDF5 underneath), written to a temporary name and renamed when complete, so that a
@@ -37,6 +38,11 @@ KINDS = ("float64", "float32", "int64", "int32", "int16", "int8", "bool")
 def labelled(*dims: str, unit: str, doc: str = "") -> Any:
     """Field that holds an array with the named dimensions, in the given SI unit ("1" where there is none)."""
     return eqx.field(metadata={"dims": dims, "unit": unit, "doc": doc})
+
+
+def optional(*dims: str, unit: str, doc: str = "") -> Any:
+    """Field that holds an array like `labelled`, or None (the default): not stated. None is not written."""
+    return eqx.field(default=None, metadata={"dims": dims, "unit": unit, "doc": doc, "optional": True})
 
 
 def names(dim: str) -> Any:
@@ -125,6 +131,8 @@ def _write(group: Any, record: eqx.Module) -> None:
     for field in dataclasses.fields(record):
         value = getattr(record, field.name)
         metadata = field.metadata
+        if "optional" in metadata and value is None:
+            continue
         if "dims" in metadata:
             _write_array(group, field.name, np.asarray(value), metadata)
         elif "names" in metadata:
@@ -184,7 +192,9 @@ def _read(group: Any, kind: type, path: Path) -> Any:
     values: dict[str, Any] = {}
     for field in dataclasses.fields(kind):
         metadata = field.metadata
-        if "dims" in metadata:
+        if "optional" in metadata and field.name not in group.variables:
+            values[field.name] = None
+        elif "dims" in metadata:
             values[field.name] = _read_array(group, field.name, path)
         elif "names" in metadata:
             dim = group.dimensions[metadata["names"]]

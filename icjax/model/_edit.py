@@ -1,0 +1,152 @@
+"""A model changed before it is used: sites added, joints locked, a part cut out."""
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from icjax.model._model import POSITION_SIZE, VELOCITY_SIZE, Model
+from icjax.spatial import quaternion_to_rotation, rotation_exp
+from icjax.typing import Float, Real
+
+BY_BODY = ("body_position", "body_rotation", "body_mass", "body_com", "body_inertia")
+BY_COORDINATE = ("zero", "rest", "lower", "upper")
+BY_DOF = ("compliance", "damping", "armature")
+
+
+def with_sites(model: Model, sites: Mapping[str, tuple[str, tuple[float, float, float]]]) -> Model:
+    """The model with more marker sites.
+
+    **Arguments**: `sites` body and place (m, body frame) by the new site's name.
+
+    **Errors**: `ValueError` for a name that the model already has, or an unknown body.
+    """
+    for name in sites:
+        if name in model.site_names:
+            raise ValueError(f"site {name!r} exists already")
+    places = np.array([place for _, place in sites.values()], dtype=float).reshape(-1, 3)
+    return dataclasses.replace(
+        model,
+        site_names=(*model.site_names, *sites),
+        site_bodies=(*model.site_bodies, *(model.body(body) for body, _ in sites.values())),
+        site_position=np.concatenate([np.asarray(model.site_position).reshape(-1, 3), places]),
+    )
+
+
+def lock_joints(model: Model, joints: tuple[str, ...], q: Float[Real, " nq"] | None = None) -> Model:
+    """The model with the named joints fixed at the coordinates `q` (default: where their displacement is zero).
+
+    A locked joint X_2 is moved in front of the free joints of its body that act before it,
+
+        X_1(q_1) X_2 = X_2 (X_2^-1 X_1(q_1) X_2),
+
+    which turns their axes and moves their anchors, and is then part of the body's place in its parent.
+
+    **Errors**: `ValueError` for an unknown joint.
+    """
+    locked = {model.joint(name) for name in joints}
+    q = np.asarray(model.zero if q is None else q)
+    rotation, position = np.array(model.body_rotation), np.array(model.body_position)
+    axis, anchor = np.array(model.joint_axis), np.array(model.joint_position)
+    for joint in sorted(locked):
+        body = model.joint_bodies[joint]
+        if model.joint_types[joint] == "free":
+            part = model.coordinate_slices[joint]
+            position[body] = q[part][:3]
+            rotation[body] = np.asarray(quaternion_to_rotation(q[part][3:]))
+            continue
+        R, p = _displacement(model, joint, axis[joint], anchor[joint], q)
+        before = [i for i in range(joint) if model.joint_bodies[i] == body and i not in locked]
+        axis[before] = axis[before] @ R
+        anchor[before] = (anchor[before] - p) @ R
+        position[body] += rotation[body] @ p
+        rotation[body] = rotation[body] @ R
+    moved = dataclasses.replace(
+        model, body_rotation=rotation, body_position=position, joint_axis=axis, joint_position=anchor
+    )
+    return _with_joints(moved, [joint for joint in range(len(model.joint_names)) if joint not in locked])
+
+
+def part_of(model: Model, body: str, free_root: bool = True) -> Model:
+    """A body with all that hangs on it, cut out of the model.
+
+    **Arguments**: `body` the new root, with its own joints replaced by a free joint named "root"; with
+    `free_root=False` it keeps its joints and its place is counted from the world.
+
+    **Errors**: `ValueError` for an unknown body, or a body or joint that would have the name of the root twice.
+    """
+    root = model.body(body)
+    kept = [root]
+    for index in range(root + 1, len(model.body_names)):
+        if model.body_parents[index] in kept:
+            kept.append(index)
+    number = {0: 0} | {old: new for new, old in enumerate(kept, start=1)}
+    joints = [joint for joint, at in enumerate(model.joint_bodies) if at in kept and not (free_root and at == root)]
+    sites = [index for index, at in enumerate(model.site_bodies) if at in kept]
+    pads = [index for index, at in enumerate(model.pad_bodies) if at in kept]
+    model = _with_joints(model, joints)
+    rows = np.array([0, *kept])
+    cut = dataclasses.replace(
+        model,
+        body_names=tuple(model.body_names[index] for index in rows),
+        body_parents=(model.body_parents[0], 0, *(number[model.body_parents[index]] for index in kept[1:])),
+        joint_bodies=tuple(number[at] for at in model.joint_bodies),
+        site_names=tuple(model.site_names[index] for index in sites),
+        site_bodies=tuple(number[model.site_bodies[index]] for index in sites),
+        pad_names=tuple(model.pad_names[index] for index in pads),
+        pad_bodies=tuple(number[model.pad_bodies[index]] for index in pads),
+        **{name: np.asarray(getattr(model, name))[rows] for name in BY_BODY},
+        site_position=np.asarray(model.site_position)[sites],
+        **{name: np.asarray(getattr(model, name))[pads] for name in ("pad_centre", "pad_radius", "pad_compliance")},
+    )
+    return _with_free_root(cut) if free_root else cut
+
+
+def _displacement(
+    model: Model, joint: int, axis: np.ndarray, anchor: np.ndarray, q: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation and translation of a hinge, slide or ball joint at `q`."""
+    part = model.coordinate_slices[joint]
+    kind = model.joint_types[joint]
+    if kind == "slide":
+        return np.eye(3), axis * (q[part.start] - np.asarray(model.zero)[part.start])
+    if kind == "ball":
+        R = np.asarray(quaternion_to_rotation(q[part]))
+    else:
+        R = np.asarray(rotation_exp(axis * (q[part.start] - np.asarray(model.zero)[part.start])))
+    return R, anchor - R @ anchor
+
+
+def _with_joints(model: Model, kept: list[int]) -> Model:
+    """Only the joints with these numbers; what belonged to the others is left out."""
+    coordinates = np.concatenate([np.arange(model.nq)[model.coordinate_slices[joint]] for joint in kept] or [[]])
+    dofs = np.concatenate([np.arange(model.nv)[model.dof_slices[joint]] for joint in kept] or [[]])
+    return dataclasses.replace(
+        model,
+        joint_names=tuple(model.joint_names[joint] for joint in kept),
+        joint_types=tuple(model.joint_types[joint] for joint in kept),
+        joint_bodies=tuple(model.joint_bodies[joint] for joint in kept),
+        joint_position=np.asarray(model.joint_position)[kept],
+        joint_axis=np.asarray(model.joint_axis)[kept],
+        **{name: np.asarray(getattr(model, name))[coordinates.astype(int)] for name in BY_COORDINATE},
+        **{name: np.asarray(getattr(model, name))[dofs.astype(int)] for name in BY_DOF},
+    )
+
+
+def _with_free_root(model: Model) -> Model:
+    """A driven free joint named "root" in front of all joints, at body 1."""
+    if "root" in model.joint_names:
+        raise ValueError("joint 'root' exists already")
+    here = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    wide = np.full(POSITION_SIZE["free"], np.inf)
+    none = np.zeros(VELOCITY_SIZE["free"])
+    first = {"zero": here, "rest": here, "lower": -wide, "upper": wide} | dict.fromkeys(BY_DOF, none)
+    return dataclasses.replace(
+        model,
+        joint_names=("root", *model.joint_names),
+        joint_types=("free", *model.joint_types),
+        joint_bodies=(1, *model.joint_bodies),
+        joint_position=np.concatenate([np.zeros((1, 3)), np.asarray(model.joint_position)]),
+        joint_axis=np.concatenate([[[0.0, 0.0, 1.0]], np.asarray(model.joint_axis)]),
+        **{name: np.concatenate([value, np.asarray(getattr(model, name))]) for name, value in first.items()},
+    )
