@@ -10,6 +10,9 @@ import numpy as np
 
 from icjax.files._errors import FileError
 
+LARGEST = 1e100
+"""Larger numbers are taken as mistakes; their squares would overflow."""
+
 REQUIRED: Any = object()
 """Marks a key without default."""
 
@@ -163,11 +166,11 @@ def _texts(value: Any) -> tuple[str, ...]:
 
 
 def as_numbers(value: Any, count: int) -> tuple[float, ...]:
-    """A list of so many finite numbers. **Errors**: `ValueError`."""
+    """A list of so many numbers, finite and below 10^100 in size. **Errors**: `ValueError`."""
     if not isinstance(value, list) or len(value) != count:
         raise ValueError
     for item in value:
-        if isinstance(item, bool) or not isinstance(item, int | float) or not np.isfinite(item):
+        if isinstance(item, bool) or not isinstance(item, int | float) or not abs(item) < LARGEST:
             raise ValueError
     return tuple(float(item) for item in value)
 

@@ -53,7 +53,7 @@ def test_help_names_every_verb(capsys):
         main(["--help"])
     assert stop.value.code == 0
     text = capsys.readouterr().out
-    for verb in ("demo", "check", "capture", "estimate", "transfer", "report"):
+    for verb in ("demo", "check", "capture", "estimate", "transfer", "report", "export"):
         assert verb in text
 
 
