@@ -36,8 +36,7 @@ def read_source(table: Table) -> SourceSpec:
         frame = table.choice("frame", ["body", "world"], "body")
         direction = unit(table, table.vector("normal"))
         area = table.number("area", 1.0, above=0.0)
-        (channel,) = channels
-        cells = (CellSpec(channel, table.vector("point", None), direction, area),)
+        cells = (CellSpec(next(iter(channels)), table.vector("point", None), direction, area),)
     surface = None if kind == "normal" else table.table("surface", None)
     rotation = IDENTITY
     position = (0.0, 0.0, 0.0)

@@ -13,6 +13,7 @@ from icjax.cli._capture import Capture
 from icjax.cli._check import Check
 from icjax.cli._demo import Demo
 from icjax.cli._estimate import Estimate
+from icjax.cli._export import Export
 from icjax.cli._perturbation import Perturbation
 from icjax.cli._report import Report
 from icjax.cli._transfer import Transfer
@@ -26,6 +27,7 @@ VERBS = {
     "perturbation": Perturbation,
     "transfer": Transfer,
     "report": Report,
+    "export": Export,
 }
 
 DESCRIPTION = """Interaction capture: from a recording of motion and contact force to joint compliance and
@@ -33,7 +35,8 @@ reference trajectory, transferred to other surfaces by frictional contact simula
 
 A first run:  icjax demo --out icjax-demo
 Your files:   icjax check session.toml;  icjax capture session.toml --out DIR;
-              icjax estimate DIR/recording.nc;  icjax transfer DIR/interaction.nc;  icjax report DIR"""
+              icjax estimate DIR/recording.nc;  icjax transfer DIR/interaction.nc;  icjax report DIR
+Other programs: icjax export DIR/recording.nc --out DIR/opensim"""
 
 
 def main(arguments: list[str] | None = None) -> int:

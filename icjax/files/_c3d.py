@@ -17,6 +17,9 @@ OUTPUT_GROUPS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")
 PLATE_CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
 """Channels of the force plate types that are used; others are read with the channels they list."""
 
+LENGTHS = {1: (3, 4, 5), 2: (3, 4, 5)}
+"""Channels that hold a length: centre of pressure (mm) and moments (Nmm); in POINT:UNITS where they state no unit."""
+
 CALIBRATED = (4, 5, 6, 7)
 """Force plate types that need a calibration matrix."""
 
@@ -61,6 +64,8 @@ def read_c3d(path: str | os.PathLike) -> MotionFile:
 
     analog_names, units, analog_rate, analog, found = _analog(path, c3d)
     notes += found
+    plates = _plates(path, parameters, units, factor)
+    notes += _unstated_lengths(plates, units, analog, unit, factor)
     return MotionFile(
         path=os.fspath(path),
         marker_names=tuple(names[index] for index in positions),
@@ -73,7 +78,7 @@ def read_c3d(path: str | os.PathLike) -> MotionFile:
         analog_rate=analog_rate,
         analog_time=start + np.arange(len(analog)) / analog_rate if len(analog) else np.zeros(0),
         analog=analog,
-        plates=_plates(path, parameters, units, factor),
+        plates=plates,
         events=_events(path, parameters),
         outputs={name: values[:, index] for index, name in enumerate(names) if name in kinds},
         output_units={
@@ -178,6 +183,8 @@ def _plate(path: Path, parameters: Any, index: int, count: int, units: tuple[str
     corners = entry("CORNERS", (3, 4)).T * factor
     if not np.all(np.isfinite(corners)) or np.allclose(corners, corners[0]):
         raise FileError(path, f"force plate {index + 1} has no extent: its four corners coincide")
+    if not np.linalg.norm(np.cross(corners[0] - corners[1], corners[0] - corners[3])) > 0:
+        raise FileError(path, f"force plate {index + 1} has no extent: its corners lie on one line")
     stored = _numbers(parameters, "FORCE_PLATFORM", "CHANNEL")
     per_plate = stored.shape[0] if stored.ndim == 2 else stored.size // count
     needed = PLATE_CHANNELS.get(kind, per_plate)
@@ -200,6 +207,20 @@ def _plate(path: Path, parameters: Any, index: int, count: int, units: tuple[str
         channels=tuple(int(number) - 1 for number in numbers),
         calibration=calibration,
     )
+
+
+def _unstated_lengths(
+    plates: tuple[ForcePlate, ...], units: tuple[str, ...], analog: np.ndarray, unit: str, factor: float
+) -> list[str]:
+    """Convert, in place, plate channels that hold a length but state no unit: the manual has them in POINT:UNITS."""
+    notes = []
+    for number, plate in enumerate(plates, 1):
+        unstated = [plate.channels[i] for i in LENGTHS.get(plate.type, ()) if not units[plate.channels[i]]]
+        if unstated:
+            analog[:, unstated] *= factor
+            told = f"force plate {number} of type {plate.type}: lengths in its channels state no unit"
+            notes.append(f"{told} and are taken as {unit}")
+    return notes
 
 
 def _calibration(path: Path, parameters: Any, index: int, count: int) -> np.ndarray:

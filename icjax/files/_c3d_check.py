@@ -67,7 +67,19 @@ def check_c3d(path: Path) -> int:
     if start + needed > len(data):
         whole = (len(data) - start) // max((4 * points + analog_values) * width, 1)
         raise FileError(path, f"is truncated: {whole} of {frames} frames are in the file")
+    _rotations(path, entries, frames, start, len(data), order)
     return frames
+
+
+def _rotations(
+    path: Path, entries: dict[tuple[str, str], Entry], frames: int, start: int, size: int, order: str
+) -> None:
+    """Segment poses (group ROTATION, 17 floats each) must lie in the file where the group says."""
+    names = ("USED", "DATA_START", "RATIO")
+    used, block, ratio = ((_integers(path, entries, "ROTATION", name, order) or [0])[0] for name in names)
+    begin = (block - 1) * BLOCK
+    if used and (ratio < 1 or begin < start or begin + frames * ratio * used * 17 * 4 > size):
+        raise FileError(path, f"is damaged or truncated: {used} segment poses (group ROTATION) are not in the file")
 
 
 def _parameters(path: Path, data: bytes, position: int, order: str) -> dict[tuple[str, str], Entry]:
@@ -96,6 +108,8 @@ def _parameters(path: Path, data: bytes, position: int, order: str) -> dict[tupl
             if kind not in (-1, 1, 2, 4):
                 raise FileError(path, f"is damaged: parameter {name!a} has the element type {kind}")
             dimensions = tuple(take(take(1)[0]))
+            if kind == -1 and not dimensions:  # legal, but ezc3d crashes on it
+                raise FileError(path, f"is damaged: text parameter {name!a} has no dimensions")
             found.append((number, name, Entry(kind, dimensions, take(math.prod(dimensions) * abs(kind)))))
         take(take(1)[0])  # description
         if offset == 0:
@@ -114,8 +128,10 @@ def _parameters(path: Path, data: bytes, position: int, order: str) -> dict[tupl
 def _integers(path: Path, entries: dict[tuple[str, str], Entry], group: str, name: str, order: str) -> list[int] | None:
     """Values of an integer parameter, unsigned as the larger recordings need; whole floats are accepted."""
     entry = entries.get((group, name))
-    if entry is None or not entry.data:
+    if entry is None:
         return None
+    if not entry.data:  # ezc3d reads its first number without looking
+        raise FileError(path, f"is damaged: parameter {group}:{name} holds no number")
     if entry.kind == 2:
         return list(struct.unpack(f"{order}{len(entry.data) // 2}H", entry.data))
     if entry.kind == 1:

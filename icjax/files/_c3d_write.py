@@ -136,7 +136,10 @@ def _set_plates(parameters: Any, plates: Sequence[ForcePlate], factor: float, un
     group["ZERO"] = _integers([1, 0])
     group["CORNERS"] = _floats(np.stack([plate.corners.T / factor for plate in plates], axis=2))
     group["ORIGIN"] = _floats(np.stack([plate.origin / factor for plate in plates], axis=1))
-    group["CHANNEL"] = _integers(np.array([plate.channels for plate in plates]).T + 1)
+    channels = np.zeros((max(len(plate.channels) for plate in plates), len(plates)), dtype=int)
+    for index, plate in enumerate(plates):
+        channels[: len(plate.channels), index] = np.array(plate.channels) + 1
+    group["CHANNEL"] = _integers(channels)
     if any(plate.calibration is not None for plate in plates):
         to_file = np.array([1.0] * 3 + [1.0 / factor] * 3)[:, None]
         matrices = []

@@ -16,7 +16,8 @@ class LayoutEntry(NamedTuple):
     """One variable, attribute or group of a record file.
 
     - `path`: with a slash for each group; `*` stands for the number of a repeated group.
-    - `sort`: "variable", "optional" (a variable that may be missing), "names" (a text coordinate), "attribute" (JSON text) or "groups" (numbered from 0).
+    - `sort`: "variable", "optional" (a variable that may be missing), "names" (a text coordinate), "attribute" (JSON
+      text) or "groups" (numbered from 0).
     - `dims`: names of the dimensions; `unit`: SI unit, "1" for none, "" where it does not apply; `doc`: meaning.
     """
 

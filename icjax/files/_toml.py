@@ -178,7 +178,7 @@ def _texts(value: Any) -> tuple[str, ...]:
 
 
 def as_numbers(value: Any, count: int) -> tuple[float, ...]:
-    """A list of so many finite numbers. **Errors**: `ValueError`."""
+    """A list of so many numbers, finite and below 10^100 in size. **Errors**: `ValueError`."""
     if not isinstance(value, list) or len(value) != count:
         raise ValueError
     for item in value:

@@ -1,5 +1,6 @@
 """TRC marker files (Motion Analysis, OpenSim)."""
 
+import math
 import os
 from pathlib import Path
 
@@ -26,18 +27,19 @@ def read_trc(path: str | os.PathLike) -> MotionFile:
         raise FileError(path, "is not a TRC file (its first line does not begin with 'PathFileType')")
     header = dict(zip(lines[1].split(), lines[2].split(), strict=False))
     stated_rate = _number(path, header, "DataRate")
-    stated_frames = int(_number(path, header, "NumFrames"))
-    stated_markers = int(_number(path, header, "NumMarkers"))
+    if not stated_rate > 0:
+        raise FileError(path, f"line 3 states no valid DataRate: {stated_rate:g}")
+    stated_frames, stated_markers = (_number(path, header, key) for key in ("NumFrames", "NumMarkers"))
     labels = [label for label in lines[3].split("\t")[2:] if label.strip()]
     if len(labels) != stated_markers:
-        raise FileError(path, f"names {len(labels)} markers but states NumMarkers {stated_markers}")
+        raise FileError(path, f"names {len(labels)} markers but states NumMarkers {stated_markers:g}")
     unit = header.get("Units", "")
     factor = length_factor(unit)
     if factor is None:
         raise FileError(path, f"states lengths in the unknown unit '{unit}'")
     table = number_rows(path, list(enumerate(lines[5:], 6)), "\t", 2 + 3 * len(labels))
     if len(table) < stated_frames:
-        raise FileError(path, f"holds {len(table)} of {stated_frames} frames: truncated")
+        raise FileError(path, f"holds {len(table)} of {stated_frames:.12g} frames: truncated")
     time = table[:, 1]
     check_time(path, time)
     names, notes = unique_labels(labels, "marker")
@@ -62,6 +64,9 @@ def read_trc(path: str | os.PathLike) -> MotionFile:
 
 def _number(path: Path, header: dict[str, str], key: str) -> float:
     try:
-        return float(header[key])
+        number = float(header[key])
     except (KeyError, ValueError):
-        raise FileError(path, f"line 3 states no valid {key}") from None
+        number = math.nan
+    if not math.isfinite(number):
+        raise FileError(path, f"line 3 states no valid {key}")
+    return number

@@ -5,8 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from icjax.capture._contact_point import centre_of_pressure
 from icjax.capture._plates import plate_frame, plate_wrench
-from icjax.files import FileError, ForcePlate, MotionFile, read_c3d, read_sto
+from icjax.capture._sensors import plate_surface
+from icjax.files import FileError, ForcePlate, MotionFile, read_c3d, read_sto, write_c3d
 
 CORNERS = np.array([[1.0, 2.0, 0.1], [1.0, 2.6, 0.1], [1.4, 2.6, 0.1], [1.4, 2.0, 0.1]])
 """A plate as laboratories have it: x, y along world -y, -x, so that z points down."""
@@ -82,6 +84,113 @@ def test_every_type_reads_the_same_wrench(kind, origin):
     expected = np.concatenate([np.cross(point, force) + free, force], axis=1)
     accuracy = 1e-9 if kind == 4 else ROUNDING  # type 4 inverts a random 6 x 6 matrix
     np.testing.assert_allclose(plate_wrench(motion(stored, plate), plate), expected, rtol=0, atol=3000 * accuracy)
+
+
+SINGLE = 2.0**-22
+"""Relative; C3D stores 32-bit floats, and corners and channels are rounded apart."""
+
+STORED = {
+    1: ("N", "N", "N", "mm", "mm", "Nmm"),
+    2: ("N", "N", "N", "Nmm", "Nmm", "Nmm"),
+    3: ("N",) * 8,
+    4: ("V",) * 6,
+}
+"""Units that the C3D manual has in a file whose lengths are in mm."""
+
+ORIGIN = {1: [0.0, 0, 0], 2: [0.003, -0.002, -0.04], 3: [0.12, 0.2, -0.05], 4: [0.003, -0.002, -0.04]}
+
+
+def through_a_file(path, kind: int, units: tuple[str, ...], unit: str = "mm") -> MotionFile:
+    """The load stored by a plate of one type in a C3D file, read back."""
+    origin = np.array(ORIGIN[kind])
+    stored = channels(kind, *load(), origin)
+    calibration = None
+    if kind == 4:  # N and Nm of 6 V: a diagonal with cross-talk
+        calibration = np.diag([100.0, 120, 400, 40, 50, 30]) + np.random.default_rng(3).uniform(-1, 1, (6, 6))
+        stored = stored @ np.linalg.inv(calibration).T
+    return read_c3d(
+        write_c3d(
+            path,
+            marker_names=("A",),
+            markers=np.zeros((10, 1, 3)),
+            marker_rate=100.0,
+            analog_names=tuple(f"c{index}" for index in range(len(units))),
+            analog_units=units,
+            analog=stored,
+            analog_rate=200.0,
+            plates=(ForcePlate(kind, CORNERS, origin, tuple(range(len(units))), calibration),),
+            unit=unit,
+        )
+    )
+
+
+@pytest.mark.parametrize("kind", [1, 2, 3, 4])
+@pytest.mark.parametrize("unit", ["mm", "m"])
+def test_every_type_through_a_file(tmp_path, kind, unit):
+    """Wrench and centre of pressure come back from a C3D file in the manual's units: N, mm, Nmm, V."""
+    read = through_a_file(tmp_path / "a.c3d", kind, STORED[kind], unit)
+    plate = read.plates[0]
+    assert (plate.type, read.analog_units) == (kind, STORED[kind])
+    wrench = plate_wrench(read, plate)
+    point, force, free = load()
+    expected = np.concatenate([np.cross(point, force) + free, force], axis=1)
+    np.testing.assert_allclose(wrench, expected, rtol=0, atol=6000 * SINGLE)  # N and Nm: 1000 N at arms of 3 m, sums
+    found, moment = centre_of_pressure(wrench[:, :3], wrench[:, 3:], plate_surface(plate))
+    np.testing.assert_allclose(found, point, rtol=0, atol=60 * SINGLE)  # m: moments over at least 100 N
+    np.testing.assert_allclose(moment, free, rtol=0, atol=6000 * SINGLE)
+
+
+@pytest.mark.parametrize("kind", [1, 2])
+def test_lengths_in_channels_without_a_unit_are_those_of_the_points(tmp_path, kind):
+    """The manual states channels in POINT:UNITS; a file that leaves ANALOG:UNITS empty means mm and Nmm, too."""
+    path = tmp_path / "a.c3d"
+    stated = through_a_file(path, kind, STORED[kind])
+    data = path.read_bytes()
+    start = data.index(b"UNITS", data.index(b"ANALOG")) + len(b"UNITS") + 2
+    assert data[start : start + 2] == b"\xff\x02"  # text with two dimensions
+    width, count = data[start + 2 : start + 4]
+    first, last = start + 4 + 3 * width, start + 4 + count * width
+    path.write_bytes(data[:first] + b" " * (last - first) + data[last:])
+    read = read_c3d(path)
+    assert read.analog_units == (*STORED[kind][:3], "", "", "")
+    assert f"force plate 1 of type {kind}: lengths in its channels state no unit and are taken as mm" in read.notes
+    np.testing.assert_allclose(
+        plate_wrench(read, read.plates[0]), plate_wrench(stated, stated.plates[0]), rtol=1e-12, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("kind", [2, 3, 4])
+def test_a_positive_depth_in_a_file_is_turned_round(tmp_path, kind):
+    right = through_a_file(tmp_path / "a.c3d", kind, STORED[kind])
+    flipped = dataclasses.replace(right.plates[0], origin=right.plates[0].origin * [-1.0, -1.0, -1.0])
+    if kind == 3:  # a and b are distances; only the depth has a sign
+        flipped = dataclasses.replace(right.plates[0], origin=right.plates[0].origin * [1.0, 1.0, -1.0])
+    np.testing.assert_array_equal(plate_wrench(right, flipped), plate_wrench(right, right.plates[0]))
+
+
+def test_plates_of_several_types_share_a_file(tmp_path):
+    """Six and eight channels side by side: the shorter list is padded with channel 0, as the manual has it."""
+    stored = np.concatenate([channels(kind, *load(), np.array(ORIGIN[kind])) for kind in (1, 3, 2)], axis=1)
+    plates = (
+        ForcePlate(1, CORNERS, np.array(ORIGIN[1]), tuple(range(6))),
+        ForcePlate(3, CORNERS, np.array(ORIGIN[3]), tuple(range(6, 14))),
+        ForcePlate(2, CORNERS, np.array(ORIGIN[2]), tuple(range(14, 20))),
+    )
+    path = write_c3d(
+        tmp_path / "a.c3d",
+        marker_names=("A",),
+        markers=np.zeros((10, 1, 3)),
+        marker_rate=100.0,
+        analog_names=tuple(f"c{index}" for index in range(20)),
+        analog_units=STORED[1] + STORED[3] + STORED[2],
+        analog=stored,
+        analog_rate=200.0,
+        plates=plates,
+    )
+    read = read_c3d(path)
+    first, *others = (plate_wrench(read, plate) for plate in read.plates)
+    for other in others:
+        np.testing.assert_allclose(other, first, rtol=0, atol=6000 * SINGLE)
 
 
 def test_an_origin_of_the_wrong_sign_is_turned_round():

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from icjax.cli import main
+from icjax.cli._main import VERBS
 from icjax.interaction import Interaction
 from icjax.recording import Session
 from icjax.rollout import Rollout
@@ -53,7 +54,7 @@ def test_help_names_every_verb(capsys):
         main(["--help"])
     assert stop.value.code == 0
     text = capsys.readouterr().out
-    for verb in ("demo", "check", "capture", "estimate", "perturbation", "transfer", "report"):
+    for verb in VERBS:
         assert verb in text
 
 
