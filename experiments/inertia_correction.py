@@ -5,9 +5,9 @@
 The data were simulated with MuJoCo, independently of icjax; no person was measured. Every contact of every trial is
 estimated by section 3.3 with quadratic windows of 60 and 100 ms: with J^T f alone (`static`), with
 `EstimationOptions(inertia=True)` and the session's model, which states masses of water-filled cylinders and no damping
-(`inertia`), and with the true damping added to that model (`inertia and true damping`; a user would not know it). Errors
-are |C - truth| / truth in per cent, the median over the events that give an estimate, negative ones included. Writes
-`results/inertia_correction.json` beside this script.
+(`inertia`), and with the true damping added to that model (`inertia and true damping`; a user would not know it).
+Errors are |C - truth| / truth in per cent, the median over the events that give an estimate, negative ones included.
+Writes `results/inertia_correction.json` beside this script.
 """
 
 import argparse

@@ -1,14 +1,13 @@
 """The inertial part of the contact torque: a correction of Eq. 2 (section 4.3)."""
 
 import equinox as eqx
-import jax
 import numpy as np
 
 from icjax.estimation._joints import angle_courses
 from icjax.estimation._smooth_motion import Motion
 from icjax.model import Model, mass_matrix
 from icjax.recording import Recording
-from icjax.typing import Float
+from icjax.typing import Float, Real
 
 
 def inertial_torque(
@@ -51,5 +50,5 @@ def inertial_torque(
 
 
 @eqx.filter_jit
-def _mass_matrix(model: Model, q: np.ndarray) -> jax.Array:
+def _mass_matrix(model: Model, q: Float[Real, " nq"]) -> Float[Real, "nv nv"]:
     return mass_matrix(model, q)
