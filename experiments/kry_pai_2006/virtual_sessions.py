@@ -62,4 +62,4 @@ def rounded(value: Any) -> Any:
         return [rounded(item) for item in value]
     if isinstance(value, float | np.floating):
         return float(f"{value:.3g}") if np.isfinite(value) else None
-    return value
+    return int(value) if isinstance(value, np.integer) else value
