@@ -50,5 +50,5 @@ def inertial_torque(
 
 
 @eqx.filter_jit
-def _mass_matrix(model: Model, q: np.ndarray) -> Real:
+def _mass_matrix(model: Model, q: Float[Real, " nq"]) -> Float[Real, "nv nv"]:
     return mass_matrix(model, q)

@@ -8,7 +8,7 @@ from icjax.estimation._contact_compliance import ACCEPTED, NEGATIVE, NOT_EXCITED
 from icjax.typing import Float, Int
 
 SPREAD = 0.5
-"""Most robust spread over the choices, beyond what the fits' errors explain, as a share of the median."""
+"""Most robust spread over the choices, as a share of the median."""
 USABLE = 0.5
 """Least share of the choices that must give an estimate."""
 
@@ -32,9 +32,9 @@ def judge(
     2. *negative*: the median is negative and so are three quarters of the estimates (Figure 8).
     3. *changes sign*: estimates of both signs, neither being fewer than a tenth.
     4. *undetermined*: the median standard error exceeds the median estimate.
-    5. *spread*: with s = 1.4826 median |C - median C| and e the median standard error, `sqrt(s^2 - e^2)`, the
-       spread that the errors do not explain, exceeds half the median estimate. The estimates share samples, so
-       noise alone spreads them less than e.
+    5. *spread*: s = 1.4826 median |C - median C| exceeds half the median estimate. With e the median standard
+       error, the sentence says whether the errors of the fits explain that (s <= e: the data are too few or too
+       noisy) or not (s > e: the choice decides). The estimates share samples, so noise alone spreads them less.
     6. *stable* otherwise.
 
     The limits are conventions (a factor of two is the effect of the task that the paper reports, so an estimate
@@ -61,8 +61,8 @@ def judge(
     if error > abs(median):
         return Verdict(False, f"undetermined: median {median:.2g} rad/Nm with a standard error of {error:.2g}")
     spread = 1.4826 * float(np.median(np.abs(values - median)))
-    unexplained = float(np.sqrt(max(spread**2 - error**2, 0.0)))
     told = f"{median:.2g} rad/Nm, spread {spread:.2g}, standard error {error:.2g}, over {count} choices"
-    if unexplained > SPREAD * abs(median):
-        return Verdict(False, f"spread over windows and degrees: {told}")
+    if spread > SPREAD * abs(median):
+        cause = "more than its errors explain" if spread > error else "which its errors explain"
+        return Verdict(False, f"spread over windows and degrees, {cause}: {told}")
     return Verdict(True, f"stable: {told}")

@@ -28,8 +28,11 @@ def summarise(per_event: CompliancePerEvent, pool_negative: bool = True) -> Join
     paper. They are counted either way.
 
     A compliance cannot be negative, so the interval is cut at zero; a lower end of zero means "less than
-    `upper`", as the paper's Table 1 prints it. Where the pooled value itself is not positive, or no event has an
-    estimate, the compliance is NaN and the interval says what is known: [0, upper], or [0, inf).
+    `upper`", as the paper's Table 1 prints it. Where the pooled value itself is not positive the compliance is NaN
+    and the interval says what is known: [0, upper]. It says nothing, [0, inf), where no event was accepted (not one
+    joint movement in the sense of the torque supports a bound) or the whole interval is negative (only a bias does
+    that). `upper` stays the end of the two-sided interval, so that the bound holds in at least 95 % of sessions
+    although the data decide whether an interval or a bound is printed.
 
     **The interval covers the scatter of the events and the noise of their fits. It does not cover the bias that
     all events share**: inertia, damping and planned deceleration after contact look like compliance with the
@@ -48,13 +51,14 @@ def summarise(per_event: CompliancePerEvent, pool_negative: bool = True) -> Join
     error = np.asarray(per_event.standard_error)
     status = np.asarray(per_event.status)
     used = (status == ACCEPTED) | ((status == NEGATIVE) & pool_negative)
-    pooled = [_bounded(pool(compliance[use, j], error[use, j])) for j, use in enumerate(used.T)]
+    accepted = np.sum(status == ACCEPTED, axis=0)
+    pooled = [_bounded(pool(compliance[use, j], error[use, j]), bool(accepted[j])) for j, use in enumerate(used.T)]
     return JointCompliance(
         joint_names=per_event.joint_names,
         compliance=np.asarray([item.value for item in pooled], dtype=float),
         lower=np.asarray([item.lower for item in pooled], dtype=float),
         upper=np.asarray([item.upper for item in pooled], dtype=float),
-        accepted=np.asarray(np.sum(status == ACCEPTED, axis=0), dtype=np.int32),
+        accepted=np.asarray(accepted, dtype=np.int32),
         negative=np.asarray(np.sum(status == NEGATIVE, axis=0), dtype=np.int32),
         events=np.full(len(pooled), len(status), dtype=np.int32),
     )
@@ -120,9 +124,9 @@ def _scatter_variance(values: np.ndarray, fit_variance: np.ndarray) -> float:
     return 0.5 * (low + high)
 
 
-def _bounded(pooled: Pooled) -> Pooled:
+def _bounded(pooled: Pooled, supported: bool) -> Pooled:
     value, lower, upper = pooled
     if not value > 0:
         value = np.nan
-        upper = upper if upper > 0 else np.inf
+        upper = upper if upper > 0 and supported else np.inf
     return Pooled(value, max(lower, 0.0), upper)

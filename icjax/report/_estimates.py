@@ -8,6 +8,8 @@ import numpy as np
 from icjax import view
 from icjax.interaction import STATUS, Interaction
 from icjax.model import Model
+from icjax.recording import Recording
+from icjax.report._agreement import agreement, agreement_text
 from icjax.report._page import Section, absent, figure, paragraph, table
 
 Interactions = Sequence[Interaction]
@@ -24,16 +26,22 @@ def true_compliance(metrics: Mapping[str, Any] | None) -> dict[str, float]:
     return found
 
 
-def compliance(interactions: Interactions, metrics: Mapping[str, Any] | None = None) -> Section:
-    """Table of joint compliance with intervals and counts, and every event behind it."""
+def compliance(
+    interactions: Interactions, metrics: Mapping[str, Any] | None = None, recordings: Sequence[Recording] = ()
+) -> Section:
+    """Table of joint compliance with intervals and counts, every event behind it, and how far windows decide it."""
     heading = "Joint compliance"
     if not interactions:
         return Section("compliance", heading, absent("No interaction was given, so there is no compliance to show."))
     interaction = interactions[0]
     summary, per_event = interaction.summary, interaction.per_event
-    truth = true_compliance(metrics)
+    truth, repeated = true_compliance(metrics), agreement(recordings, interactions)
     slides = {joint.name for joint in view.scalar_joints(interaction.model) if joint.kind == "slide"}
     rows = []
+    stable = dict.fromkeys(summary.joint_names, "")
+    if repeated is not None:
+        counts = np.asarray(repeated.sensitivity.stable).sum(axis=0)
+        stable |= dict(zip(repeated.sensitivity.joint_names, map(str, counts), strict=True))
     for column, joint in enumerate(summary.joint_names):
         status = np.asarray(per_event.status)[:, column] if joint in per_event.joint_names else np.zeros(0, int)
         counts = [int((status == STATUS.index(name)).sum()) for name in STATUS]
@@ -41,9 +49,11 @@ def compliance(interactions: Interactions, metrics: Mapping[str, Any] | None = N
         name = f"{joint} (m/N)" if joint in slides else joint
         known = [f"{truth[joint]:.3f}" if joint in truth else "not stated"] if truth else []
         numbers = [str(count) for count in (*counts, int(summary.events[column]))]
+        numbers += [stable[joint]] if repeated is not None else []
         rows.append([name, _compliance(float(summary.compliance[column])), _interval(low, high), *known, *numbers])
     extra = ["truth (virtual subject)"] if truth else []
     head = ["joint", "compliance (rad/Nm)", "95 % interval", *extra, *STATUS, "events"]
+    head += ["stable"] if repeated is not None else []
     body = paragraph(
         "Compliance is how far a joint yields for each newton metre that contact puts on it (Eq. 1). A contact that "
         "barely loads a joint says nothing about it and is counted as not excited. Here and below, figure and equation "
@@ -59,6 +69,7 @@ def compliance(interactions: Interactions, metrics: Mapping[str, Any] | None = N
             "arrowhead where they reach beyond the panel; the band is that of the summary. Open marks at the "
             "bottom are events without a usable estimate.",
         )
+        body += agreement_text(repeated, truth)
     return Section("compliance", heading, body)
 
 
@@ -138,6 +149,6 @@ def _compliance(value: float) -> str:
 
 
 def _interval(low: float, high: float) -> str:
-    if np.isfinite(low) and np.isfinite(high):
+    if low > 0 and np.isfinite(high):
         return f"{low:.3f} to {high:.3f}"
     return f"below {high:.3f}" if np.isfinite(high) else "unbounded"

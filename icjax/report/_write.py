@@ -35,7 +35,8 @@ def write_report(
     """Write one HTML page that shows what was recorded, estimated and transferred.
 
     The page opens from disk without a network and holds everything itself: a 3-D view with a time bar, the
-    compliance table with intervals and counts, joint angle and torque at contact (Figure 3), measured and
+    compliance table with intervals and counts, its sensitivity to windows and degree, joint angle and torque at
+    contact (Figure 3), measured and
     reference angles, forces before and after transfer (Figure 4), diagnostics of every rollout, warnings, and
     where the numbers come from. What is not given is said to be absent.
 
@@ -64,7 +65,7 @@ def write_report(
     frame, script = scene(recordings, interactions, rollouts)
     sections = [
         frame,
-        compliance(interactions, metrics),
+        compliance(interactions, metrics, recordings),
         contact(interactions),
         motion(recordings, interactions),
         forces(interactions, rollouts),

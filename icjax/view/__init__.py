@@ -9,6 +9,7 @@ from icjax.view._motion_plots import plot_angles as plot_angles
 from icjax.view._motion_plots import plot_path as plot_path
 from icjax.view._perturbation_plot import plot_perturbations as plot_perturbations
 from icjax.view._scene3d import export_scene as export_scene
+from icjax.view._sensitivity_plot import plot_sensitivity as plot_sensitivity
 from icjax.view._skeleton import scalar_joints as scalar_joints
 from icjax.view._snapshot import draw_snapshot as draw_snapshot
 from icjax.view._snapshot import snapshot as snapshot

@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 
 from icjax.capture import capture, check, read_session
+from icjax.capture._events import contact_events, force_course
+from icjax.capture._load import load_trial
+from icjax.capture._sensors import sensor_wrench
 from icjax.estimation import joint_torque, net_joint_torque
 from icjax.files import FileError, read_sto
 
@@ -103,6 +106,56 @@ def test_in_stance_gravity_and_inertia_are_a_small_part_of_the_ankle_torque(sess
     stance = (recording.time > 0.65) & (recording.time < 1.35)
     net, contact = net_joint_torque(recording)[stance, ankle], np.asarray(joint_torque(recording))[stance, ankle]
     assert np.abs(net + contact).max() < 0.05 * np.abs(net).max()
+
+
+def onsets(spec) -> dict[str, np.ndarray]:
+    """Contact onsets of the first trial by source, without solving its markers."""
+    trial = spec.trials[0]
+    motion = load_trial(spec, trial)
+    courses = {
+        name: force_course(sensor_wrench(motion, trial, spec.source(name), spec.path), spec.filter.events, spec.contact)
+        for name, _ in trial.touches
+    }
+    return {name: np.array(contact_events(course, spec.contact))[:, 0] for name, course in courses.items()}
+
+
+def test_walk3d_strikes_where_its_notes_say(shared_data, monkeypatch):
+    """The data's notes give the crossings of 20 N: right 0.266 and 1.411 s, left 0.836 s.
+
+    These forces were low-pass filtered and need 20 ms for their first 20 N, so the first touch is up to 20 ms earlier.
+    """
+    monkeypatch.setenv("ICJAX_SHARED_DATA", str(shared_data))
+    found = onsets(read_session(SESSIONS / "opensim_walk3d.toml"))
+    for name, noted in (("right", [0.266, 1.411]), ("left", [0.836])):
+        early = np.array(noted) - found[name]
+        assert np.all((early > 0.0) & (early < 0.020)), early
+
+
+def test_test_walking_strikes_each_plate_once(shared_data, monkeypatch):
+    """Crossings of 20 N above the baseline, read off the file: 1.2335 s and 1.6465 s."""
+    monkeypatch.setenv("ICJAX_SHARED_DATA", str(shared_data))
+    found = onsets(read_session(SESSIONS / "opensim_test_walking.toml"))
+    for name, crossing in (("plate1", 1.2335), ("plate2", 1.6465)):
+        assert len(found[name]) == 1
+        assert 0.0 < crossing - found[name][0] < 0.015
+
+
+@pytest.mark.slow
+def test_walk3d_ankles_walk_like_a_persons(shared_data, monkeypatch):
+    """Contact torque at the ankle, about the axis to the right: it turns the toes up, most of all at push-off."""
+    monkeypatch.setenv("ICJAX_SHARED_DATA", str(shared_data))
+    (recording,) = capture(read_session(SESSIONS / "opensim_walk3d.toml")).recordings
+    assert recording.valid.all()
+    torque = np.asarray(joint_torque(recording))
+    mass = 77.2  # kg; the mean vertical force over the stride between the two right strikes is 757 N
+    for onset, release, contact in zip(
+        recording.events.onset, recording.events.release, recording.events.contact, strict=True
+    ):
+        stance = (recording.time >= onset) & (recording.time <= release)
+        side = recording.contact_bodies[contact][0]
+        ankle = torque[stance, recording.model.dof_names.index(f"{side}_ankle_z")]
+        assert 1.0 < ankle.max() / mass < 2.2  # Nm/kg; 1.4 to 1.8 in the literature of normal gait
+        assert np.argmax(ankle) > 0.6 * len(ankle)  # push-off comes late
 
 
 MODEL = """<mujoco><worldbody><body name="shank"><joint name="height" type="slide" axis="0 0 1"/>

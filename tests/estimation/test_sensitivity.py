@@ -62,8 +62,9 @@ def test_idle_joints_and_short_contacts_say_so():
     [
         ([1.0, 1.1, 0.9, 1.0], 0.1, True, "stable: 1 rad/Nm"),
         ([1.0, 1.1, 0.9, 1.0], 1.2, False, "undetermined: median 1 rad/Nm with a standard error of 1.2"),
-        ([0.4, 1.0, 1.6, 2.2], 0.1, False, "spread over windows and degrees: 1.3 rad/Nm"),
-        ([0.4, 1.0, 1.6, 2.2], 1.0, True, "stable: 1.3 rad/Nm, spread 0.89, standard error 1"),
+        ([0.4, 1.0, 1.6, 2.2], 0.1, False, "spread over windows and degrees, more than its errors explain: 1.3 rad/Nm"),
+        ([0.4, 1.0, 1.6, 2.2], 1.0, False, "which its errors explain: 1.3 rad/Nm, spread 0.89, standard error 1"),
+        ([0.8, 1.1, 1.5, 1.8], 0.1, True, "stable: 1.3 rad/Nm, spread 0.52, standard error 0.1"),
         ([-0.2, 1.0, 1.1, 1.2], 0.1, False, "changes sign with the window or degree: 1 of 4 negative"),
         ([-1.0, -1.1, -0.9, 0.1], 0.1, False, "negative for 3 of 4 choices, median -0.95 rad/Nm"),
         ([-1.0, -1.1, 0.9, 0.1], 0.1, False, "changes sign with the window or degree: 2 of 4 negative"),

@@ -98,6 +98,33 @@ def test_summary_counts_bounds_and_refuses():
     assert 0 < found.upper[3] < 1
 
 
+def test_without_an_accepted_event_there_is_no_bound():
+    """Two negative estimates whose interval reaches far above zero: no movement supports "less than"."""
+    found = summarise(per_event([[-0.5], [-0.1]], [[2.0]] * 2, [[1], [1]]))
+    assert np.isnan(found.compliance[0])
+    assert (float(found.lower[0]), float(found.upper[0])) == (0.0, np.inf)
+    one = summarise(per_event([[-0.5], [0.1]], [[2.0]] * 2, [[1], [0]]))
+    assert np.isfinite(one.upper[0])
+
+
+@pytest.mark.parametrize("true", [0.0, 0.1, 0.5])
+@pytest.mark.parametrize("count", [2, 6, 20])
+def test_bounds_and_intervals_cover_a_stiff_joint(true, count):
+    """Errors of 0.3 to 0.6 rad/Nm about a compliance of 0 to 0.5: what is printed, interval, "less than" or nothing,
+    holds the truth in 250 seeded sessions. Counting error: 3 sd = 4.1 % below 95 %. At zero nearly all are bounds.
+    """
+    random = np.random.default_rng(11)
+    held = bounds = 0
+    for _ in range(250):
+        errors = random.uniform(0.3, 0.6, (count, 1))
+        values = true + errors * random.standard_normal((count, 1))
+        found = summarise(per_event(values, errors, (values < 0).astype(int)))
+        held += bool(found.lower[0] <= true <= found.upper[0])
+        bounds += bool(found.lower[0] == 0 and np.isfinite(found.upper[0]))
+    assert held / 250 >= 0.909
+    assert true > 0 or bounds / 250 > 0.7
+
+
 def test_leaving_negative_events_out_raises_the_value():
     compliance, error, status = [[1.0], [1.2], [-0.2], [1.1]], [[0.1]] * 4, [[0], [0], [1], [0]]
     kept = summarise(per_event(compliance, error, status))

@@ -128,6 +128,11 @@ def test_the_numbers_are_visible(opened):
     words = table.inner_text()
     for expected in ("0.200", "0.160 to 0.250", "0.900", "0.720 to 1.125", "not estimated", "below 1.000"):
         assert expected in words
+    for expected in ("stable", "not excited"):
+        assert expected in words
+    section = page.locator("#compliance")
+    assert "Does it depend on the windows?" in section.inner_text()
+    assert section.locator("details").count() == 1
     assert "0.1234" in page.locator("#provenance").inner_text()
     assert "max pivots" in page.locator("#rollouts").inner_text()
     assert "<example> & co" in page.locator("h1").inner_text()
@@ -136,7 +141,7 @@ def test_the_numbers_are_visible(opened):
 def test_every_figure_is_drawn_with_text(opened):
     page, _ = opened
     drawings = page.locator("figure svg")
-    assert drawings.count() == 7
+    assert drawings.count() == 8
     for index in range(drawings.count()):
         box = drawings.nth(index).bounding_box()
         assert box["width"] > 400

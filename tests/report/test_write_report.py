@@ -1,5 +1,7 @@
 """What the page says when parts are missing, and that it is written whole or not at all."""
 
+import re
+
 import equinox as eqx
 import numpy as np
 import pytest
@@ -132,3 +134,21 @@ def test_what_the_numbers_cover_is_said(tmp_path):
         assert words in text
     plain = write_report(tmp_path / "plain.html", interactions=(interaction,)).read_text(encoding="utf-8")
     assert "virtual subject" not in plain
+
+
+@pytest.mark.usefixtures("no_scene")
+def test_sensitivity_is_shown_where_the_recordings_are_at_hand(tmp_path):
+    recording = make_recording()
+    interaction = make_interaction(recording)
+    session = Session(name="one", subject="nobody", recordings=(recording,))
+    text = write_report(tmp_path / "a.html", session=session, interactions=(interaction,)).read_text(encoding="utf-8")
+    assert 'aria-label="compliance of every joint against the length of the windows"' in text
+    events, joints = np.asarray(interaction.per_event.status).shape
+    lines = re.findall(rf"^(?:.*<pre>)?{recording.name} +\d+\.\d+ s  \w+: ", text, flags=re.MULTILINE)
+    assert len(lines) == events * joints
+    alone = write_report(tmp_path / "b.html", interactions=(interaction,)).read_text(encoding="utf-8")
+    assert "so they were not repeated" in alone
+    moved = eqx.tree_at(lambda item: item.events.onset, recording, np.asarray(recording.events.onset) + 0.01)
+    session = Session(name="other", subject="nobody", recordings=(moved,))
+    other = write_report(tmp_path / "c.html", session=session, interactions=(interaction,)).read_text(encoding="utf-8")
+    assert "so they were not repeated" in other
