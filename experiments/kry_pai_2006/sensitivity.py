@@ -17,7 +17,8 @@ import tyro
 from virtual_sessions import JOINTS, RESULTS, SIMULATED, rounded, trials_of, true_compliance, write
 
 from icjax.estimation import EstimationOptions, Sensitivity, joint_torque, sensitivity
-from icjax.view import plot_sensitivity, save
+from icjax.view import plot_sensitivity
+from icjax.view._style import style
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,6 +29,7 @@ class Config:
     windows: tuple[float, ...] = (0.02, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, 0.1, 0.12, 0.14, 0.16)
     separate: tuple[float, ...] = (0.04, 0.07, 0.1)
     degrees: tuple[int, ...] = (1, 2)
+    drawn: tuple[str, ...] = ("explore", "scratch")
     cache: Path | None = None
     """Folder that keeps the captured sessions."""
     out: Path = RESULTS
@@ -58,7 +60,9 @@ def main(config: Config) -> dict:
         }
         figure = plot_sensitivity(found, dict(zip(JOINTS, (float(value) for value in truth), strict=True)))
         figure.supxlabel(f"Session {name}. Data {SIMULATED}.", fontsize=7.5, color="#5B616B")
-        save(figure, config.out / f"sensitivity_{name}.png")
+        if name in config.drawn:
+            with style():
+                figure.savefig(config.out / f"sensitivity_{name}.png", dpi=100)
     write(config.out / "sensitivity.json", result)
     return result
 
