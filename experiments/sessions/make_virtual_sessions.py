@@ -95,6 +95,8 @@ def session_file(folder: str, session: dict, hand: dict, subject: str, daq: bool
         f"surface = {{ point = [0.0, 0.0, {sensor['plate_top_z']}], normal = [0.0, 0.0, 1.0] }}",
         "tare = [0.0, 0.2]",
     ]
+    if folder.startswith("perturb"):  # the plate jumps; elsewhere it stands still
+        lines.append(f'top = {{ mass = {sensor["top_plate_mass"]}, markers = ["PL1", "PL2", "PL3", "PL4"] }}')
     if daq:
         lines += ["", "[clock]", 'sync = "SYNC"', "period = 1.0"]
         trial = next(item for item in session["trials"] if item["trial"] == "trial00")

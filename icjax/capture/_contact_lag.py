@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from icjax.capture._clock import Clock, clock_from_line
 from icjax.capture._filters import HIGHEST_CUTOFF, lowpass, runs
-from icjax.capture._registration import rigid_registration
+from icjax.capture._registration import rigid_registrations
 
 CUTOFF = 25.0
 """Hz; band in which depth and force are compared. Markers hold little of a pad's depth above it."""
@@ -62,11 +62,8 @@ def pad_heights(
     filled = np.stack([np.interp(time, time[seen], column[seen]) for column in flat.T], axis=1)
     rate = (len(time) - 1) / float(time[-1] - time[0])
     smooth = lowpass(filled, rate, min(CUTOFF, HIGHEST_CUTOFF * rate)).reshape(markers.shape)
-    centres = np.empty((len(time), 3))
-    for frame, images in enumerate(smooth):
-        R, p = rigid_registration(sites, images)
-        centres[frame] = R @ pad + p
-    return Signal(time, (centres - point) @ normal)
+    R, p = rigid_registrations(sites, smooth)
+    return Signal(time, (R @ pad + p - point) @ normal)
 
 
 def clock_from_contacts(

@@ -27,8 +27,8 @@ class Curve:
 
     - `voltage`, `force`: knots of the curve, both increasing (V or what the channel holds; N).
     - `residual_sd` N; `hysteresis_percent`: largest difference of the loading and the unloading branch, percent of
-      the range, `hysteresis_noise_percent` its standard error; `drift_percent_per_minute`: change of the gain, with
-      `drift_sd`.
+      the range, and `hysteresis_noise_percent`, its standard error; NaN where no force was met on both.
+    - `drift_percent_per_minute`: change of the gain, with `drift_sd`.
     """
 
     channel: str
@@ -50,11 +50,6 @@ class Curve:
         slope = float((self.force[-1] - self.force[-2]) / (self.voltage[-1] - self.voltage[-2]))
         inside = curve(np.clip(voltage, self.voltage[0], last))
         return np.asarray(inside + slope * np.maximum(voltage - last, 0.0))
-
-    def gain(self) -> float:
-        """Units of the channel a N: slope of the straight line through the knots, weighted by force."""
-        rise = self.voltage - self.voltage[0]
-        return float(rise @ self.force / (self.force @ self.force))
 
 
 def fit_curve(
@@ -126,14 +121,14 @@ def _hysteresis(time: np.ndarray, force: np.ndarray, error: np.ndarray, full: fl
     rate = np.gradient(force, time)
     quiet = 0.05 * float(np.max(np.abs(rate)))
     edges = np.linspace(0.0, float(np.max(force)) * (1 + 1e-9), BRANCHES + 1)
-    largest, uncertain = 0.0, 0.0
+    largest, uncertain = float("nan"), float("nan")
     for low, high in zip(edges[:-1], edges[1:], strict=True):
         here = (force >= low) & (force < high)
         up, down = error[here & (rate > quiet)], error[here & (rate < -quiet)]
         if min(len(up), len(down)) < FEWEST:
             continue
         difference = abs(float(up.mean() - down.mean()))
-        if difference > largest:
+        if not difference <= largest:
             largest = difference
             uncertain = float(np.sqrt(up.var() / len(up) + down.var() / len(down)))
     return 100 * largest / full, 100 * uncertain / full
@@ -178,7 +173,7 @@ def read_curves(path: Path) -> dict[str, Curve]:
         if len(voltage) != len(force):
             raise table.error(f"lists {len(voltage)} voltages and {len(force)} forces")
         numbers = {
-            key: table.number(key)
+            key: _any(table, key)
             for key in ("residual_sd", "hysteresis_percent", "hysteresis_noise_percent", "drift_percent_per_minute")
         }
         curve = Curve(

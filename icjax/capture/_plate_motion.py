@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from icjax.capture._filters import HIGHEST_CUTOFF, lowpass
-from icjax.capture._registration import rigid_registration
+from icjax.capture._registration import rigid_registrations
 from icjax.capture._spec import TopSpec
 from icjax.files import FileError, MotionFile
 
@@ -95,7 +95,7 @@ def plate_motion(motion: MotionFile, top: TopSpec, tare: tuple[tuple[float, floa
     centre = smooth.mean(axis=1)
     rotation = still
     if len(top.markers) > 2:
-        turned = np.stack([rigid_registration(rest, images)[0] for images in smooth])
+        turned, _ = rigid_registrations(rest, smooth)
         angle = np.linalg.norm(turned - still, axis=(1, 2))
         if angle.max() > SEEN_SD * float(np.sqrt(np.mean(angle[inside] ** 2))):
             rotation = turned

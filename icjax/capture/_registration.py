@@ -57,3 +57,14 @@ def rigid_registration(
     U, _, Vt = np.linalg.svd((images - image_centre).T @ (points - centre))
     R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
     return R, image_centre - R @ centre
+
+
+def rigid_registrations(
+    points: Float[np.ndarray, "n 3"], images: Float[np.ndarray, "frame n 3"]
+) -> tuple[Float[np.ndarray, "frame 3 3"], Float[np.ndarray, "frame 3"]]:
+    """`rigid_registration` of the same points onto the images of every frame."""
+    centre, image_centre = points.mean(axis=0), images.mean(axis=1)
+    U, _, Vt = np.linalg.svd(np.einsum("fni,nj->fij", images - image_centre[:, None], points - centre))
+    U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
+    R = U @ Vt
+    return R, image_centre - R @ centre

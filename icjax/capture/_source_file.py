@@ -36,7 +36,8 @@ def read_source(table: Table) -> SourceSpec:
         frame = table.choice("frame", ["body", "world"], "body")
         direction = unit(table, table.vector("normal"))
         area = table.number("area", 1.0, above=0.0)
-        cells = (CellSpec(next(iter(channels)), table.vector("point", None), direction, area),)
+        point = table.vector("point", None)
+        cells = tuple(CellSpec(channel, point, direction, area) for channel in channels)
     surface = None if kind == "normal" else table.table("surface", None)
     rotation = IDENTITY
     position = (0.0, 0.0, 0.0)

@@ -23,6 +23,8 @@ class Calibrate:
         print(f"{'channel':16s} {'range N':>9s} {'residual N':>11s} {'hysteresis %':>16s} {'drift %/min':>18s}")
         for curve in curves:
             hysteresis = f"{curve.hysteresis_percent:.1f} +- {curve.hysteresis_noise_percent:.1f}"
+            if curve.hysteresis_percent != curve.hysteresis_percent:
+                hysteresis = "not seen"
             drift = f"{curve.drift_percent_per_minute:.2f} +- {curve.drift_sd:.2f}"
             print(
                 f"{curve.channel:16s} {curve.force[-1]:9.3g} {curve.residual_sd:11.3g} {hysteresis:>16s} {drift:>18s}"

@@ -89,6 +89,7 @@ def test_the_verb_writes_what_the_reader_reads(recording, capsys):
     volts = np.linspace(0.0, 2.0, 50)
     # Eight figures are written.
     np.testing.assert_allclose(found(volts), made(volts), rtol=1e-6, atol=1e-7)
+    assert found.hysteresis_percent > 0
     assert found.hysteresis_percent == pytest.approx(made.hysteresis_percent, rel=1e-4)
     assert not list(recording.glob(".fsr*"))
 

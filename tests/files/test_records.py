@@ -248,3 +248,12 @@ def test_a_failed_save_keeps_the_old_file_and_leaves_no_other(tmp_path, monkeypa
         save_record(path, rollout())
     assert path.read_bytes() == before
     assert [file.name for file in tmp_path.iterdir()] == ["a.nc"]
+
+
+def test_a_file_from_before_a_field_with_a_default_is_read(tmp_path):
+    recording().save(tmp_path / "old.nc")
+    with h5netcdf.File(tmp_path / "old.nc", "a") as file:
+        del file.attrs["contact_kinds"]
+    loaded = Recording.load(tmp_path / "old.nc")
+    assert loaded.contact_kinds == ()
+    assert loaded.normal_only == ()
