@@ -106,7 +106,7 @@ def fit_second_order(
 
 
 def pool_fits(fits: tuple[SecondOrderFit, ...]) -> tuple[Float[np.ndarray, "4"], Float[np.ndarray, "4 4"]]:
-    """One (m, b, k, f0) for several trials: the mean weighted by the inverse of the mean covariance.
+    """One (m, b, k, f0) for several trials: their plain mean.
 
     The trials must be repetitions, same posture and grip. Weighting each by its own covariance would favour those
     whose noise happens to make m small; repetitions are equally good, so they weigh the same.

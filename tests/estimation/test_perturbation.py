@@ -1,12 +1,16 @@
 """Onset, reaction, secant stiffness: closed forms first, then the simulated perturbation sessions with truth."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from icjax.capture import capture, read_session
+from icjax.cli import main
 from icjax.estimation import in_series, perturbation, perturbation_onset, reaction_time, secant_stiffness
+from icjax.interaction import CompliancePerEvent, Interaction, JointCompliance
+from icjax.recording import Session
 
 SESSIONS = Path(__file__).resolve().parents[2] / "experiments" / "sessions"
 REACTION = 0.095
@@ -85,17 +89,15 @@ def session(request, shared_data):
             read_session(SESSIONS / f"virtual_perturb_{request.param}.toml"), trials=("trial00",)
         ).trials()
     folder = shared_data / "virtual_sessions" / f"perturb_{request.param}"
-    truths = [dict(np.load(folder / f"{item.name}_truth.npz")) for item in recordings]
-    return request.param, [
-        (perturbation(item, secant_window=(0.07, 0.09)), truth) for item, truth in zip(recordings, truths, strict=True)
-    ]
+    return request.param, recordings, [dict(np.load(folder / f"{item.name}_truth.npz")) for item in recordings]
 
 
 @pytest.mark.slow
 def test_simulated_sessions(session):
     """Onset within a sample, reaction within 5 ms; what the short fit and the secant are, against the truth."""
-    name, found = session
-    for result, truth in found:
+    name, recordings, truths = session
+    for recording, truth in zip(recordings, truths, strict=True):
+        result = perturbation(recording, with_compliance(recording, truth["C"]), secant_window=(0.07, 0.09))
         assert result.onset == pytest.approx(float(truth["release_time"]), abs=0.001)
         assert result.reaction.time == pytest.approx(REACTION, abs=0.005)
         J, C = truth["J"], np.diag(truth["C"])
@@ -111,3 +113,66 @@ def test_simulated_sessions(session):
             assert result.secant.along == pytest.approx(along, rel=0.15)
             assert result.secant.stiffness > 1.4 * k_G  # a finger that is held sideways
         assert in_series(result.secant.stiffness, 1 / 750) < result.secant.stiffness
+        # With the true C only the posture differs: offsets of up to half a degree a joint.
+        assert result.stiffness is not None
+        assert result.stiffness.stiffness == pytest.approx(k_G, rel=0.05)
+        assert result.stiffness.lower < k_G < result.stiffness.upper
+        assert result.stiffness.share[-4] + result.stiffness.share[-3] > 0.9
+        with pytest.raises(ValueError, match="'floor'"):
+            perturbation(recording, contact="floor")
+
+
+@pytest.mark.slow
+def test_verb(session, tmp_path, capsys):
+    """Prints the table with the literature beside it, writes numbers, refuses an unknown trial in one line."""
+    name, recordings, _ = session
+    path = tmp_path / "recording.nc"
+    Session(name=name, subject="", recordings=recordings).save(path)
+    assert main(["perturbation", str(path), "--out", str(tmp_path)]) == 0
+    printed = capsys.readouterr().out
+    for word in ("trial00", "KPN03", "257.04", "reaction (ms)", "with pad"):
+        assert word in printed
+    content = json.loads((tmp_path / "perturbation.json").read_text(), parse_constant=pytest.fail)
+    assert content["trials"]["trial00"]["reaction ms"] == pytest.approx(95, abs=5)
+    assert main(["perturbation", str(path), "--trial", "trial09"]) == 2
+    assert "trial09" in capsys.readouterr().err
+
+
+def with_compliance(recording, C):
+    """An interaction that knows the compliance of wrist, MP, PIP and DIP to 10 %."""
+    names, C = ("wrist", "MP", "PIP", "DIP"), np.asarray(C, dtype=float)
+    one, none = np.ones((1, 4)), np.zeros(4, dtype=np.int64)
+    nv, nq = recording.model.nv, recording.model.nq
+    return Interaction(
+        name="known",
+        model=recording.model,
+        time=np.zeros(1),
+        compliance=np.zeros((1, nv)),
+        compliance_sd=np.zeros((1, nv)),
+        reference=np.zeros((1, nq)),
+        reference_sd=np.zeros((1, nv)),
+        q=np.zeros((1, nq)),
+        torque=np.zeros((1, nv)),
+        contact_names=("plate",),
+        contact_force=np.zeros((1, 1, 3)),
+        contact_point=np.zeros((1, 1, 3)),
+        per_event=CompliancePerEvent(
+            recording=("known",),
+            joint_names=names,
+            onset=np.zeros(1),
+            compliance=one,
+            standard_error=one,
+            status=np.zeros((1, 4), dtype=np.int64),
+            r_squared=np.zeros((1, 4, 3)),
+            torque_change=one,
+            angle_before=np.zeros((1, 4, 2)),
+            angle_after=np.zeros((1, 4, 2)),
+            torque_after=np.zeros((1, 4, 2)),
+            window=np.zeros(2),
+        ),
+        summary=JointCompliance(
+            joint_names=names, compliance=C, lower=0.8 * C, upper=1.2 * C, accepted=none, negative=none, events=none
+        ),
+        friction=None,
+        provenance="",
+    )
