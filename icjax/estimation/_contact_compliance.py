@@ -4,12 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from icjax.estimation._fit import fit_rise, fit_slope_change
+from icjax.estimation._fit import correlated_noise, fit_rise, fit_slope_change
 from icjax.estimation._inertial_torque import inertial_torque
 from icjax.estimation._joints import angle_courses, chosen_dofs
 from icjax.estimation._options import EstimationOptions
 from icjax.estimation._smooth_motion import smooth_motion
 from icjax.estimation._torque import body_index, joint_torque
+from icjax.estimation._torque_error import TorqueDeviation
 from icjax.interaction import STATUS, CompliancePerEvent
 from icjax.model import Model
 from icjax.recording import ContactEvents, Recording
@@ -35,7 +36,7 @@ def compliance_at_contact(
     recordings: tuple[Recording, ...],
     options: EstimationOptions | None = None,
     torques: tuple[Float[Real, "_ dof"], ...] | None = None,
-    constant: tuple[Float[Real, "_ dof"], ...] | None = None,
+    deviations: tuple[TorqueDeviation, ...] | None = None,
 ) -> CompliancePerEvent:
     """Compliance of every joint at every contact event of the recordings.
 
@@ -51,10 +52,12 @@ def compliance_at_contact(
     A window ends early at the release, at the recording's end and at any other contact that loads the joint;
     invalid frames are left out. What remains must cover `options.coverage` of the window, else the event has too
     few samples. A joint is not excited where the torque's change over the window, or its slope at contact, does
-    not exceed `options.excitation` times its noise. A negative estimate is kept and marked.
+    not exceed `options.excitation` times its noise, the one that the samples show or the one that `deviations` states,
+    whichever is larger (`correlated_noise`: filtered noise hides from the samples). A negative estimate is kept and
+    marked.
 
     The standard error is first-order propagation of the errors of both slopes (see `EstimationOptions` and
-    `fit_slope_change`). It covers noise about the polynomials, and with `constant` what the polynomials cannot show:
+    `fit_slope_change`). It covers noise about the polynomials, and with `deviations` what the polynomials cannot show:
     an offset of the joint angles makes the torque too large or too small in the whole window by about the same share
     sd_tau / tau, which adds C sd_tau / tau. It does not cover the bias of the method: inertia,
     damping and planned deceleration after contact all change the angle's slope and are read as compliance.
@@ -66,7 +69,7 @@ def compliance_at_contact(
     - `recordings`: of one subject's model.
     - `options`: windows, degree, thresholds.
     - `torques`: `joint_torque` of each recording, Nm, if already computed.
-    - `constant`: `torque_deviation(...).offset` of each recording, Nm; default none.
+    - `deviations`: `torque_deviation` of each recording; default none.
 
     **Returns** the estimates, in order of recording and onset. Where the status is "not excited" or "too few
     samples" the compliance is NaN and its standard error infinite.
@@ -85,12 +88,13 @@ def compliance_at_contact(
     names: list[str] = []
     onsets: list[float] = []
     rows: list[list[_Estimate]] = []
-    if constant is None:
-        constant = tuple(np.zeros(np.shape(torque)) for torque in torques)
-    for recording, torque, lasting in zip(recordings, torques, constant, strict=True):
+    if deviations is None:
+        nothing = tuple(np.zeros(np.shape(torque)) for torque in torques)
+        deviations = tuple(TorqueDeviation(item, item) for item in nothing)
+    for recording, torque, deviation in zip(recordings, torques, deviations, strict=True):
         angle = angle_courses(model, recording.q, dofs)
         tau = np.asarray(torque)[:, list(dofs)]
-        shared = np.asarray(lasting)[:, list(dofs)]
+        noise, shared = (np.asarray(item)[:, list(dofs)] for item in deviation)
         variance = np.diagonal(np.asarray(recording.q_covariance), axis1=1, axis2=2)[:, list(dofs)]
         loads = contacts_that_load(recording, dofs)
         motion = None
@@ -106,7 +110,14 @@ def compliance_at_contact(
             rows.append(
                 [
                     _at_event(
-                        recording, event, angle[:, j], static[:, j], shared[:, j], variance[:, j], loads[j], options
+                        recording,
+                        event,
+                        angle[:, j],
+                        static[:, j],
+                        TorqueDeviation(noise[:, j], shared[:, j]),
+                        variance[:, j],
+                        loads[j],
+                        options,
                     )
                     for j in range(len(dofs))
                 ]
@@ -154,7 +165,7 @@ def _at_event(
     event: int,
     angle: np.ndarray,
     torque: np.ndarray,
-    shared: np.ndarray,
+    deviation: TorqueDeviation,
     variance: np.ndarray,
     loads: np.ndarray,
     options: EstimationOptions,
@@ -180,12 +191,14 @@ def _at_event(
         change.after,
         rise.coefficients,
     )
-    least = max(options.excitation * rise.noise, options.least_torque)
-    if abs(torque_change) <= least or abs(rise.slope) <= options.excitation * rise.slope_noise:
+    stated = float(np.sqrt(np.mean(np.nan_to_num(deviation.noise[after]) ** 2)))
+    noise, slope_noise = correlated_noise(rise, stated)
+    least = max(options.excitation * noise, options.least_torque)
+    if abs(torque_change) <= least or abs(rise.slope) <= options.excitation * slope_noise:
         return _Estimate(np.nan, np.inf, NOT_EXCITED, *fits)
     compliance = change.change / rise.slope
     fitted = np.hypot(change.change_se, compliance * rise.slope_se) / abs(rise.slope)
-    share = np.sqrt(np.sum(shared[after] ** 2) / np.sum(torque[after] ** 2))
+    share = np.sqrt(np.sum(deviation.offset[after] ** 2) / np.sum(torque[after] ** 2))
     error = float(np.hypot(fitted, compliance * share))
     return _Estimate(compliance, error, NEGATIVE if compliance < 0 else ACCEPTED, *fits)
 

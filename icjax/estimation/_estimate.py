@@ -54,7 +54,7 @@ def estimate(
         torques.append(np.asarray(joint_torque(recording)))
         deviations.append(torque_deviation(recording))
         report(0.4 * (done + 1) / len(trials))
-    per_event = compliance_at_contact(trials, options, tuple(torques), tuple(item.offset for item in deviations))
+    per_event = compliance_at_contact(trials, options, tuple(torques), tuple(deviations))
     summary = summarise(per_event, options.pool_negative)
     report(0.6)
     interactions = []

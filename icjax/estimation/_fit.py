@@ -100,6 +100,23 @@ def second_difference_noise(y: Float[np.ndarray, " n"]) -> float:
     return float(np.sqrt(np.mean(np.diff(y, 2) ** 2) / 6.0))
 
 
+def correlated_noise(rise: Rise, stated: float) -> tuple[float, float]:
+    """Noise of one sample and what it does to the slope at contact, where filtered noise is smoother than white.
+
+    Second differences r of noise that a low-pass filter left below the share x of the sampling rate are too small:
+    r^2 = sigma^2 (2 pi x)^4 / 30. With sigma known from elsewhere (`stated`, of the unloaded sensor after the same
+    filter) that gives x, and the noise counts as one independent sample in 1 / (2 x).
+
+    **Arguments**: `rise` with its noise r; `stated` sigma, zero if unknown. **Returns** the larger of both noises, and
+    the standard deviation of the slope.
+    """
+    if not stated > rise.noise:
+        return rise.noise, rise.slope_noise
+    ratio = max(rise.noise / stated, 1e-6)
+    independent = max(np.pi / (30.0 * ratio**2) ** 0.25, 1.0)
+    return stated, rise.slope_noise / rise.noise * stated * float(np.sqrt(independent)) if rise.noise > 0 else np.inf
+
+
 def fit_variance(parameters: int, *residuals: np.ndarray, least: float = 0.0) -> tuple[float, float]:
     """Variance of one sample about a fit, and the variance that counts for the fit's coefficients.
 

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
 
-from icjax.estimation._fit import fit_rise, fit_slope_change, fit_variance
+from icjax.estimation._fit import correlated_noise, fit_rise, fit_slope_change, fit_variance
 
 BEFORE, AFTER = np.arange(-50, 1) / 500.0, np.arange(1, 51) / 500.0
 
@@ -87,3 +88,23 @@ def test_noise_is_told_from_a_course_that_the_polynomial_cannot_follow():
     rise = fit_rise(s, noisy, 1)
     assert rise.noise == pytest.approx(1e-3, rel=0.05)
     assert rise.slope_noise < rise.slope_se / 10
+
+
+def test_filtered_noise_is_no_excitation():
+    """Noise after the 60 Hz force filter looks smooth: its second differences show a sixth of it."""
+    rate, sd, window = 500.0, 0.003, 50
+    random = np.random.default_rng(5)
+    white = random.normal(size=200 * window)
+    sos = butter(2, 60.0 / 0.802 / (rate / 2), output="sos")
+    noise = sosfiltfilt(sos, white)
+    noise *= sd / noise.std()
+    s = np.arange(1, window + 1) / rate
+    called = {"shown": 0, "stated": 0}
+    for piece in noise.reshape(-1, window):
+        rise = fit_rise(s, piece, 2)
+        change = abs(np.polynomial.polynomial.polyval(s[-1], rise.coefficients))
+        for kind, stated in (("shown", 0.0), ("stated", sd)):
+            level, slope = correlated_noise(rise, stated)
+            called[kind] += change > max(3 * level, 1e-3) and abs(rise.slope) > 3 * slope
+    assert called["shown"] > 0.2 * 200  # what the samples alone show is far too little
+    assert called["stated"] <= 0.02 * 200
