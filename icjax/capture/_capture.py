@@ -191,6 +191,7 @@ def _provenance(
         {
             "made_by": f"icjax {importlib.metadata.version('icjax')} capture",
             "session": spec.path.name,
+            "simulated": spec.simulated,
             "files": [trial.markers.name] + ([trial.forces.name] if trial.forces else []),
             "model": spec.model_source,
             "marker_rate_hz": motion.marker_rate,

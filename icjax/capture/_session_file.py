@@ -31,6 +31,7 @@ def read_session(path: str | os.PathLike) -> SessionSpec:
     top = Table(path, "", read_toml(path))
     name = top.label("name", path.stem)
     subject = top.text("subject", "")
+    simulated = top.flag("simulated", None)
     folder = _folder(top, path)
     model_table = top.table("model")
     model, model_source = _model(model_table, path)
@@ -63,6 +64,7 @@ def read_session(path: str | os.PathLike) -> SessionSpec:
         path=path,
         name=name,
         subject=subject,
+        simulated=simulated,
         model=model,
         model_source=model_source,
         placement_sd=placement_sd,

@@ -164,6 +164,7 @@ class TrialSpec:
 class SessionSpec:
     """A whole session file, checked: every name it uses exists.
 
+    - `simulated`: whether the recordings come from a simulation; None where the session does not say.
     - `markers`: (label in the files, site of the model).
     - `placement_sd`: m; standard deviation of a marker's place on the body, per axis, against its site.
     - `angles`: (joint of the model, column of the file), for trials whose movement is given by joint angles.
@@ -175,6 +176,7 @@ class SessionSpec:
     path: Path
     name: str
     subject: str
+    simulated: bool | None
     model: Model
     model_source: str
     placement_sd: float

@@ -67,21 +67,32 @@ def summary_text(interaction) -> str:
     from icjax.interaction import STATUS
 
     summary, status = interaction.summary, np.asarray(interaction.per_event.status)
-    lines = [f"{'joint':12s} {'rad/Nm':>14s}  {'95 % interval':>18s}   events: " + ", ".join(STATUS)]
+    model = interaction.model
+    provenance = json.loads(interaction.provenance or "{}")
+    slides = [name for name, kind in zip(model.joint_names, model.joint_types, strict=True) if kind == "slide"]
+    unit = "rad/Nm" if not slides else "rad/Nm, m/N"
+    lines = [f"{'joint':12s} {unit:>14s}  {'95 % interval':>20s}   events: " + ", ".join(STATUS)]
+    instead = []
     for index, joint in enumerate(summary.joint_names):
         value, lower, upper = (float(x[index]) for x in (summary.compliance, summary.lower, summary.upper))
-        told = f"{value:.3f}" if np.isfinite(value) else "not estimated"
+        told = f"{value:.3g}" if np.isfinite(value) else "not estimated"
         if not np.isfinite(upper):
             interval = "unbounded"
         elif lower > 0:
-            interval = f"[{lower:.3f}, {upper:.3f}]"
+            interval = f"[{lower:.3g}, {upper:.3g}]"
         else:
-            interval = f"< {upper:.3f}"
+            interval = f"< {upper:.3g}"
+        if not np.isfinite(value):
+            used = float(np.asarray(interaction.compliance)[0, model.dof_names.index(joint)])
+            source = (provenance.get("sources", {}).get(joint) or ["unknown"])[0]
+            instead.append(f"{joint} {used:.3g} ({source})")
         column = interaction.per_event.joint_names.index(joint)
         counts = ", ".join(str(int(np.sum(status[:, column] == code))) for code in range(len(STATUS)))
-        lines.append(f"{joint:12s} {told:>14s}  {interval:>18s}   {counts}")
+        lines.append(f"{joint:12s} {told:>14s}  {interval:>20s}   {counts}")
+    if instead:
+        lines.append("not estimated; the reference trajectory uses instead: " + ", ".join(instead))
     lines.append("intervals state the scatter of the events, not the bias of inertia, damping and planned deceleration")
-    blind = json.loads(interaction.provenance or "{}").get("normal_only", [])
+    blind = provenance.get("normal_only", [])
     if blind:
         lines.append(
             f"normal force only ({', '.join(blind)}): tangential force is missing from the torques, which biases every "

@@ -11,6 +11,7 @@ def session_text(name: str, subject: Subject, surface: Surface, entries: list[tu
         "# Simulated by icjax.laboratory: no person was measured.",
         f'name = "{name or "laboratory"}"',
         'subject = "simulated"',
+        "simulated = true",
         "",
         "[model]",
         'builtin = "index_finger"',

@@ -63,10 +63,12 @@ def motion(recordings: Recordings, interactions: Interactions) -> Section:
     """Angles with the reference, and the recording's quality."""
     body = ""
     if interactions and view.scalar_joints(interactions[0].model):
+        valid = next((item.valid for item in recordings if item.name == interactions[0].name), None)
         body += figure(
-            view.svg(view.plot_angles(interactions[0]), "angles", "joint angles and reference trajectory"),
+            view.svg(view.plot_angles(interactions[0], valid), "angles", "joint angles and reference trajectory"),
             "Measured joint angles and their reference trajectory, where Eq. 1 says the joints would have gone without "
-            "contact. Shaded: contact. Band: 95 % of the reference's stated uncertainty.",
+            "contact. Shaded: contact. Band: 95 % of the reference's stated uncertainty. Blank: "
+            "frames without a pose.",
         )
     if interactions:
         model = interactions[0].model

@@ -41,10 +41,11 @@ def contact_intervals(interaction: Interaction, threshold: float = TOUCH_FORCE) 
 
 
 @styled
-def plot_angles(interaction: Interaction) -> "Figure":
+def plot_angles(interaction: Interaction, valid: np.ndarray | None = None) -> "Figure":
     """Hinges and slides as measured and their reference trajectory theta_r = theta - C tau (Eq. 1), a row a joint.
 
-    Shaded: contact. Band: 95 % of the reference's stated uncertainty (its standard deviation times 1.96).
+    Frames where `valid` (of the recording) is false have no pose and are left blank. Shaded: contact. Band: 95 % of
+    the reference's stated uncertainty (its standard deviation times 1.96).
 
     **Errors**: `ValueError` where the model has neither a hinge nor a slide.
     """
@@ -53,6 +54,7 @@ def plot_angles(interaction: Interaction) -> "Figure":
         raise ValueError(f"model {interaction.model.name!r} has neither a hinge nor a slide to draw")
     kept = thinned(len(interaction.time))
     time = np.asarray(interaction.time, dtype=float)[kept]
+    known = np.ones(len(time), bool) if valid is None else np.asarray(valid, bool)[kept]
     intervals = contact_intervals(interaction)
     figure = new_figure(7.6, 0.5 + 1.25 * len(joints))
     axes = figure.subplots(len(joints), 1, sharex=True, squeeze=False)[:, 0]
@@ -61,8 +63,9 @@ def plot_angles(interaction: Interaction) -> "Figure":
             axis.axvspan(start, stop, color=CONTACT, alpha=0.8, lw=0)
         reference = joint.scale * np.asarray(interaction.reference, dtype=float)[kept, joint.coordinate]
         spread = 1.96 * joint.scale * np.asarray(interaction.reference_sd, dtype=float)[kept, joint.dof]
-        axis.fill_between(time, reference - spread, reference + spread, color=REFERENCE, alpha=0.22, lw=0)
         measured = joint.scale * np.asarray(interaction.q, dtype=float)[kept, joint.coordinate]
+        reference, spread, measured = (np.where(known, course, np.nan) for course in (reference, spread, measured))
+        axis.fill_between(time, reference - spread, reference + spread, color=REFERENCE, alpha=0.22, lw=0)
         axis.plot(time, measured, color=MEASURED, label="measured θ")
         axis.plot(time, reference, color=REFERENCE, ls=(0, (4, 2)), label="reference θr")
         axis.set_ylabel(f"{joint.name} ({joint.unit})")
