@@ -6,6 +6,7 @@ import numpy as np
 
 from icjax.interaction import Interaction
 from icjax.rollout import Rollout
+from icjax.typing import Real
 from icjax.view._skeleton import pad_path, scalar_joints, up_direction
 from icjax.view._style import (
     CONTACT,
@@ -41,7 +42,7 @@ def contact_intervals(interaction: Interaction, threshold: float = TOUCH_FORCE) 
 
 
 @styled
-def plot_angles(interaction: Interaction, valid: np.ndarray | None = None) -> "Figure":
+def plot_angles(interaction: Interaction, valid: Real | None = None) -> "Figure":
     """Hinges and slides as measured and their reference trajectory theta_r = theta - C tau (Eq. 1), a row a joint.
 
     Frames where `valid` (of the recording) is false have no pose and are left blank. Shaded: contact. Band: 95 % of

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from icjax.capture._load import _read
+from icjax.capture._load import read_motion
 from icjax.files import FileError, is_qualisys, read_bvh, read_tsv
 
 HEAD = """NO_OF_FRAMES\t3
@@ -104,11 +104,11 @@ def test_a_recorded_hand(shared_data):
 
 
 def test_a_session_recognises_qualisys_by_its_first_line(tmp_path):
-    assert _read(put(tmp_path / "a.tsv", TSV), {}, None).marker_names == ("knee", "ankle")
+    assert read_motion(put(tmp_path / "a.tsv", TSV), {}, None).marker_names == ("knee", "ankle")
     table = put(tmp_path / "b.tsv", "t\tA_x\tA_y\tA_z\n0\t1\t2\t3\n1\t4\t5\t6\n")
     assert not is_qualisys(table)
     assert not is_qualisys(tmp_path / "none.tsv")
-    assert _read(table, {}, None).marker_names == ("A",)
+    assert read_motion(table, {}, None).marker_names == ("A",)
 
 
 def test_bvh(tmp_path):
