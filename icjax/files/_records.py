@@ -103,7 +103,7 @@ def load_record(path: str | os.PathLike, kind: type[Record]) -> Record:
                 raise FileError(path, f"has version {file.attrs.get('version')} of the layout; this is {VERSION}")
             found = file.attrs.get("record")
             if found != kind.__name__:
-                raise FileError(path, f"holds a {found}, not a {kind.__name__}")
+                raise FileError(path, f"holds the record {found}, not {kind.__name__}")
             return _read(file, kind, path)
     except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
         if isinstance(error, FileError):

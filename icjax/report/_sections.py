@@ -49,7 +49,7 @@ def scene(recordings: Recordings, interactions: Interactions, rollouts: Rollouts
     frame, script = player([name for name, _ in shown], [view.export_scene(item, frames=120) for _, item in shown])
     words = (
         "Drag to turn, scroll to zoom, use the bar below the picture to move through time. Arrows are contact "
-        "forces on the finger, as long as they are strong. The plate under a measured movement is a "
+        "forces on the subject, the longer the stronger. The plate under a measured movement is a "
         "level plane through the contact points."
     )
     return Section("view", "In three dimensions", paragraph(words) + frame + KEY + missing), script

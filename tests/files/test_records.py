@@ -192,7 +192,7 @@ def test_arrays_carry_units_and_names_for_other_programs(tmp_path):
 
 def test_the_wrong_kind_is_named(tmp_path):
     rollout().save(tmp_path / "a.nc")
-    with pytest.raises(FileError, match=r"a\.nc: holds a Rollout, not a Interaction"):
+    with pytest.raises(FileError, match=r"a\.nc: holds the record Rollout, not Interaction"):
         Interaction.load(tmp_path / "a.nc")
 
 
