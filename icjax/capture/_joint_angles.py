@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from icjax.capture._filters import HIGHEST_CUTOFF, lowpass, runs
-from icjax.capture._pose import PoseSolution, pose_covariance, solve_poses
+from icjax.capture._pose import PoseSolution, interpolated, pose_covariance, solve_poses
 from icjax.capture._posture import PosturePrior
 from icjax.model import Model
 
@@ -16,6 +16,9 @@ LONGEST_BRIDGE = 0.1
 
 FIRST_SD = 0.001
 """m; a marker noise for asking which coordinates the visible markers determine at all."""
+
+FIRST_RATE = 100.0
+"""Frames a second of the first solution; a hand's movement lies below 20 Hz."""
 
 ENOUGH = 50
 """Frames that are enough for a mean place."""
@@ -60,12 +63,13 @@ def joint_angles(
 ) -> JointAngles:
     """Joint angles from markers.
 
-    1. The pose of every frame from the raw markers, gaps left out. From it the mean place of every marker on its
-       body: markers sit a little beside their sites, and a cluster that loses one of them would turn. Frames with a
-       gap are solved again with these places (which leaves the pose of complete frames where it is).
+    1. The pose from the raw markers, gaps left out, a hundred times a second and wherever a marker is missing
+       (`first_frames`). From it the mean place of every marker on its body: markers sit a little beside their sites,
+       and a cluster that loses one of them would turn. Frames with a gap are solved again with these places (which
+       leaves the pose of complete frames where it is).
     2. A gap is bridged with the place of the marker on the model plus its residual, interpolated over the gap.
     3. The markers are low-pass filtered (`lowpass`), so that neither gaps nor noise reach the angles.
-    4. The pose again, with gaps longer than 0.1 s left out.
+    4. The pose of every frame, with gaps longer than 0.1 s left out.
 
     The covariance is s^2 (J^T J)^-1; s^2 is the variance of what is left between filtered markers and model after
     the mean of each marker in its body's frame, which is misplacement and not noise. Misplacement itself turns a
@@ -77,14 +81,15 @@ def joint_angles(
     """
     told = progress or (lambda fraction: None)
     seen = np.asarray(np.isfinite(markers).all(axis=-1))
-    raw = solve_poses(
-        model, sites, markers, seen.astype(float), progress=lambda done: told(0.5 * done), posture=posture
-    )
-    shift = _mean_places(raw, markers, seen)
-    raw = _gaps_again(model, sites, raw, markers, seen, shift, posture)
-    filtered = lowpass(_bridged(raw, markers, seen), rate, min(cutoff, HIGHEST_CUTOFF * rate))
+    first = first_frames(seen, rate)
+    some, there = markers[first], seen[first]
+    raw = solve_poses(model, sites, some, there.astype(float), progress=lambda done: told(0.3 * done), posture=posture)
+    shift = _mean_places(raw, some, there)
+    raw = _gaps_again(model, sites, raw, some, there, shift, posture)
+    filtered = lowpass(_bridged(raw, first, markers, seen), rate, min(cutoff, HIGHEST_CUTOFF * rate))
     weight = np.where(_long_gaps(seen, rate), 0.0, 1.0)
-    second = solve_poses(model, sites, filtered, weight, raw.q, shift, lambda done: told(0.5 + 0.5 * done), posture)
+    start = interpolated(model, first, raw.q, len(markers))
+    second = solve_poses(model, sites, filtered, weight, start, shift, lambda done: told(0.3 + 0.7 * done), posture)
     sd = _marker_sd(second, filtered, weight, model.nv, FIRST_SD if posture is None else float(posture.noise))
     _, determined = pose_covariance(second.information, FIRST_SD, second.prior)
     covariance, _ = pose_covariance(second.information, sd, second.prior)
@@ -102,6 +107,17 @@ def joint_angles(
         body_positions=second.body_positions,
         marker_sd=sd,
     )
+
+
+def first_frames(seen: Bool[np.ndarray, "frame marker"], rate: float) -> np.ndarray:
+    """Frames that the first solution needs: `FIRST_RATE` of them a second, and those with a gap or next to one."""
+    gap = ~seen.all(axis=1)
+    wanted = gap.copy()
+    wanted[1:] |= gap[:-1]
+    wanted[:-1] |= gap[1:]
+    wanted[:: max(1, int(rate / FIRST_RATE))] = True
+    wanted[-1] = True
+    return np.flatnonzero(wanted)
 
 
 def _turned(poses: PoseSolution, places: np.ndarray) -> np.ndarray:
@@ -138,20 +154,21 @@ def _gaps_again(
     return PoseSolution(*items)
 
 
-def _bridged(poses: PoseSolution, markers: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    frames = np.arange(len(markers))
+def _bridged(poses: PoseSolution, frames: np.ndarray, markers: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """Markers with their gaps filled from the poses at `frames`, which hold every gap and what is next to it."""
     result = markers.copy()
     for marker in range(markers.shape[1]):
-        here, gone = seen[:, marker], ~seen[:, marker]
+        here = seen[frames, marker]
+        gone = ~here
         if not gone.any():
             continue
-        rotations = poses.rotations[:, marker]
+        rotations, predicted = poses.rotations[:, marker], poses.predicted[:, marker]
         if here.any():
-            beside = np.einsum("fji,fj->fi", rotations[here], (markers - poses.predicted)[here, marker])
+            beside = np.einsum("fji,fj->fi", rotations[here], markers[frames[here], marker] - predicted[here])
             filled = np.stack([np.interp(frames[gone], frames[here], column) for column in beside.T], axis=1)
         else:
             filled = np.zeros((gone.sum(), 3))
-        result[gone, marker] = poses.predicted[gone, marker] + np.einsum("fij,fj->fi", rotations[gone], filled)
+        result[frames[gone], marker] = predicted[gone] + np.einsum("fij,fj->fi", rotations[gone], filled)
     return result
 
 

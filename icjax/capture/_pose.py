@@ -122,9 +122,14 @@ def _spread_start(
     if not good.all():
         again = near[good][np.argmin(np.abs(chosen[:, None] - chosen[good][None, :]), axis=1)]
         near = _wrapped(model, solve(again, weights).q)
-    q = _continuous(model, near)
-    frames = np.arange(count)
-    start = np.stack([np.interp(frames, chosen, column) for column in q.T], axis=1)
+    return interpolated(model, chosen, _continuous(model, near), count)
+
+
+def interpolated(
+    model: Model, frames: np.ndarray, q: Float[np.ndarray, "_ nq"], count: int
+) -> Float[np.ndarray, "frame nq"]:
+    """Coordinates of `count` frames, linear between those of `frames`; quaternions are brought back to length one."""
+    start = np.stack([np.interp(np.arange(count), frames, column) for column in q.T], axis=1)
     for kind, part in zip(model.joint_types, model.coordinate_slices, strict=True):
         if kind in ("ball", "free"):
             unit = slice(part.stop - 4, part.stop)

@@ -104,7 +104,7 @@ def test_the_reference_and_the_compliance_know_of_it():
     expected = np.sqrt(1e-10 + 4e-4 + (np.asarray(COMPLIANCE) * found.total) ** 2)
     np.testing.assert_allclose(one.reference_sd, expected, rtol=1e-12)
     bare = compliance_at_contact((made,))
-    told = compliance_at_contact((made,), None, (tau,), (found.offset,))
+    told = compliance_at_contact((made,), None, (tau,), (found,))
     added = np.asarray(told.standard_error) ** 2 - np.asarray(bare.standard_error) ** 2
     after = (made.time > 0.4) & (made.time <= 0.5 + 1e-9)
     share = np.sqrt(np.sum(found.offset[after] ** 2, axis=0) / np.sum(tau[after] ** 2, axis=0))
