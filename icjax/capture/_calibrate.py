@@ -79,7 +79,7 @@ def calibrate_model(
 
     Minimise over the parameters z (in units of their priors) and the poses q_f
 
-        sum_f sum_i |x_fi - p_i(q_f, z)|^2 / s^2 + |z|^2 (+ posture),
+        sum_f sum_i norm(x_fi - p_i(q_f, z))^2 / s^2 + norm(z)^2 (+ posture),
 
     so that what the recordings do not say stays at the model's value: the estimate is shrunk to anthropometry. s is
     the markers' standard deviation, taken from the residuals. Poses are eliminated frame by frame (`schur`), and the

@@ -111,8 +111,8 @@ def joint_angles(
 
 def first_frames(seen: Bool[np.ndarray, "frame marker"], rate: float) -> np.ndarray:
     """Frames that the first solution needs: `FIRST_RATE` of them a second, and those with a gap or next to one."""
-    gap = ~seen.all(axis=1)
-    wanted = gap.copy()
+    gap = np.asarray(~seen.all(axis=1))
+    wanted = np.array(gap)
     wanted[1:] |= gap[:-1]
     wanted[:-1] |= gap[1:]
     wanted[:: max(1, int(rate / FIRST_RATE))] = True

@@ -35,7 +35,7 @@ class Secant(eqx.Module):
     **Fields**
 
     - `stiffness`, `lower`, `upper` N/m: vertical, delta f_z / delta z, 95 %.
-    - `along` N/m: along the change of force, |df|^2 / (df . du) = 1 / (e^T J C J^T e) at equilibrium, e = `direction`,
+    - `along` N/m: along the change of force, `df.df / (df.du)` = 1 / (e^T J C J^T e) at equilibrium, e = `direction`,
       whatever the tangential force did; `along_lower`, `along_upper` 95 %.
     - `force` N, `displacement` m [3]: df and du, with their standard deviations.
     - `window` s.

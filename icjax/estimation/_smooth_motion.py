@@ -48,7 +48,7 @@ def smooth_motion(
     of the cut-off from there.
 
     Quaternions are made continuous, smoothed by component and scaled to unit length: with u the smoothed one,
-    w = 2 vec(u* u') / |u|^2 in body axes and dw/dt its derivative. A free joint's twist is (w, R^T p').
+    `w = 2 vec(u* u') / |u|^2` in body axes and dw/dt its derivative. A free joint's twist is (w, R^T p').
 
     **Arguments**: `time` s; `q` as in the model; `cutoff` Hz; `valid` frames with a known pose, default those with
     finite coordinates. Runs of such frames are smoothed each by itself; a run shorter than 5 frames counts as unknown.

@@ -14,6 +14,9 @@ from icjax.recording import Recording
 from icjax.running import on_full_blocks
 from icjax.typing import Float
 
+BATCH = 256
+"""Frames differentiated at once: all of a long trial would take gigabytes."""
+
 
 class TorqueDeviation(NamedTuple):
     """Standard deviations of the joint torque, Nm, `[time, dof]`.
@@ -94,4 +97,5 @@ def _all_frames(model, bodies, offset, force_sd, q, covariance, force, point, mo
         # Rounding may leave a variance below zero where it is zero.
         return tuple(jnp.where(lost, jnp.nan, jnp.sqrt(jnp.maximum(item, 0.0))) for item in (variance, constant))
 
-    return jax.vmap(frame)(q, covariance, force, point, moment, touching, valid, point_sd)
+    rows = (q, covariance, force, point, moment, touching, valid, point_sd)
+    return jax.lax.map(lambda row: frame(*row), rows, batch_size=BATCH)
