@@ -11,7 +11,7 @@ import numpy as np
 from icjax.capture._calibration_parameters import Parameters, changed_model
 from icjax.capture._pose import marker_jacobian
 from icjax.capture._posture import PosturePrior, prior_rows
-from icjax.model import Model, forward_kinematics, integrate
+from icjax.model import Model, forward_kinematics, integrate, world_jacobian
 from icjax.typing import Float, Real
 
 STEPS = 60
@@ -77,7 +77,7 @@ def normal_equations(model: Model, sites: tuple[int, ...], parameters: Parameter
         r = (weight * (p - x)).reshape(-1)
         Jz = jax.vmap(slope, out_axes=2)(jnp.eye(len(at.z), dtype=at.z.dtype))
         Jz = (weight[:, :, None] * Jz).reshape(-1, len(at.z))
-        Jq = (weight[:, :, None] * marker_jacobian(here, bodies, q, p)).reshape(-1, model.nv)
+        Jq = (weight[:, :, None] * marker_jacobian(here, bodies, world_jacobian(here, q).T, p)).reshape(-1, model.nv)
         believed, slopes = prior_rows(model, data.posture, q)
         believed, slopes = believed / data.posture.noise, slopes / data.posture.noise
         seen = Jq.T @ Jq

@@ -10,15 +10,24 @@ of its own."""
 HIGHEST_CUTOFF = 0.38
 """Share of a rate up to which a cut-off is used: near one half the bilinear transform squeezes the pass band."""
 
+REACH = 4.0
+"""Periods of the cut-off after which the filter has forgotten a sample to 1e-9: exp(-2 pi 4 / (0.802 sqrt 2))."""
+
 
 def lowpass(
     values: Float[np.ndarray, "sample *channel"], rate: float, cutoff: float
 ) -> Float[np.ndarray, "sample *channel"]:
-    """Butterworth filter of second order, forward and backward, with the stated cut-off *after* both passes.
+    """Second-order Butterworth filter applied forward and backward: zero phase, half power at `cutoff` in the end.
 
-    The gain of the two passes together is 1/sqrt 2 at `cutoff`, so each pass is designed for cutoff / 0.802 (the
-    division is made in tan(pi f / rate), the frequency of the bilinear transform). The filter has no delay and keeps
-    straight lines. NaN samples stay NaN and do not spread: every finite run of a channel is filtered by itself.
+    Its gain is real and known, so it is applied to the spectrum:
+
+        G(f) = 1 / (1 + (0.802 tan(pi f / rate) / tan(pi cutoff / rate))^4),
+
+    tan because frequencies are those of the bilinear transform, 0.802 because both passes together have the cut-off.
+
+    Beyond its ends a record is continued by its point reflection about the first and the last sample, as the usual
+    padding does. The filter has no delay and keeps straight lines. NaN samples stay NaN and do not spread: every finite
+    run of a channel is filtered by itself.
 
     **Arguments**: `values` `[sample, ...]`; `rate` and `cutoff` in Hz.
 
@@ -26,21 +35,15 @@ def lowpass(
 
     **Source**: Winter 2009, Biomechanics and Motor Control of Human Movement, section 3.4.4.2.
     """
-    from scipy.signal import butter
-
     if not 0 < cutoff < rate / 2:
         raise ValueError(f"cutoff {cutoff:g} Hz is too high for the rate {rate:g} Hz (it must be below half of it)")
-    relative = 2 / np.pi * np.arctan(np.tan(np.pi * cutoff / rate) / TWO_PASS)
-    sos = np.asarray(butter(2, relative, output="sos"))
+    relative = cutoff / rate
     flat = np.array(values, dtype=float).reshape(len(values), -1)
-    pad = int(np.ceil(3 * rate / cutoff))
-    whole = np.isfinite(flat).all(axis=0)
-    if len(flat) > 1 and whole.any():
-        flat[:, whole] = _both_ways(sos, flat[:, whole], pad)
-    for channel in np.flatnonzero(~whole):
-        for start, stop in finite_runs(flat[:, channel]):
-            if stop - start > 1:
-                flat[start:stop, channel] = _both_ways(sos, flat[start:stop, channel : channel + 1], pad)[:, 0]
+    whole = np.all(np.isfinite(flat), axis=0)
+    for channel in range(flat.shape[1]):
+        for start, stop in [(0, len(flat))] if whole[channel] else finite_runs(flat[:, channel]):
+            if stop - start > 2:
+                flat[start:stop, channel] = _filtered(flat[start:stop, channel], relative)
     return flat.reshape(np.shape(values))
 
 
@@ -56,16 +59,26 @@ def runs(mask: np.ndarray) -> list[tuple[int, int]]:
 
 
 def noise_gain(rate: float, cutoff: float) -> float:
-    """Standard deviation of white noise after `lowpass`, relative to before: sqrt of the mean of |H|^2 over frequency.
-
-    |H|^2 = 1 / (1 + (f / f_1)^4)^2 for the two passes, f_1 the cut-off of one, f as the bilinear transform measures it.
-    """
-    f = np.linspace(0.0, rate / 2, 20001)
-    w = np.tan(np.pi * f[:-1] / rate) / np.tan(np.pi * cutoff / rate) * TWO_PASS
-    return float(np.sqrt(np.mean(1.0 / (1.0 + w**4) ** 2)))
+    """Standard deviation of white noise after `lowpass`, relative to before: sqrt of the mean of G^2 over frequency."""
+    return float(np.sqrt(np.mean(_gain(np.linspace(0.0, 0.5, 20001), cutoff / rate) ** 2)))
 
 
-def _both_ways(sos: np.ndarray, values: np.ndarray, pad: int) -> np.ndarray:
-    from scipy.signal import sosfiltfilt
+def _gain(frequency: np.ndarray, cutoff: float) -> np.ndarray:
+    """G of `lowpass`, both in units of the rate."""
+    return 1.0 / (1.0 + (TWO_PASS * np.tan(np.pi * frequency) / np.tan(np.pi * cutoff)) ** 4)
 
-    return sosfiltfilt(sos, values, axis=0, padtype="odd", padlen=min(pad, len(values) - 1))
+
+def _filtered(values: np.ndarray, cutoff: float) -> np.ndarray:
+    """`values` taken off the line through its ends, continued to one period, filtered, and put back on the line."""
+    line = np.linspace(values[0], values[-1], len(values))
+    half = values - line
+    beyond = -half[-2:0:-1]
+    reach = int(np.ceil(REACH / cutoff))
+    if len(beyond) > 2 * reach:
+        # Between the two continuations nothing is felt: as many zeros as make a length that transforms fast.
+        length = len(half) + 2 * reach
+        filling = np.zeros(-length % 2 ** (length.bit_length() - 4))
+        beyond = np.concatenate([beyond[:reach], filling, beyond[-reach:]])
+    period = np.concatenate([half, beyond])
+    spectrum = np.fft.rfft(period) * _gain(np.fft.rfftfreq(len(period)), cutoff)
+    return line + np.fft.irfft(spectrum, len(period))[: len(values)]

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from icjax.capture._posture import PosturePrior, no_prior, prior_rows
 from icjax.capture._registration import start_coordinates
 from icjax.inference import covariance, least_squares
-from icjax.model import Model, forward_kinematics, integrate, neutral, world_jacobian
+from icjax.model import Model, frames, integrate, neutral
 from icjax.results import RESULTS
 from icjax.typing import Real
 
@@ -167,15 +167,18 @@ def _compiled(model: Model, sites: tuple[int, ...], places, posture, start, mark
     bodies = np.asarray(model.site_bodies)[list(sites)]
     places = jnp.asarray(places)
 
-    def predicted(q):
-        poses = forward_kinematics(model, q)
-        return jnp.einsum("sij,sj->si", poses.rotation[bodies], places) + poses.position[bodies], poses
+    every = np.arange(len(model.body_names))
+
+    def predicted(at):
+        poses = at.bodies(model, bodies)
+        return jnp.einsum("sij,sj->si", poses.rotation, places) + poses.position
 
     def linearise(q, data):
         observed, w = data
-        points, _ = predicted(q)
+        at = frames(model, q)
+        points = predicted(at)
         root = jnp.sqrt(w)[:, None]
-        J = root[:, :, None] * marker_jacobian(model, bodies, q, points)
+        J = root[:, :, None] * marker_jacobian(model, bodies, at.twists, points)
         believed, slopes = prior_rows(model, posture, q)
         r = jnp.concatenate([(root * (points - observed)).reshape(-1), believed])
         return r, jnp.concatenate([J.reshape(-1, model.nv), slopes])
@@ -190,7 +193,8 @@ def _compiled(model: Model, sites: tuple[int, ...], places, posture, start, mark
         tolerance=NEAR if len(posture.target) else None,
     )
     q = solution.value.value
-    places_W, poses = jax.vmap(predicted)(q)
+    at = jax.vmap(lambda q: frames(model, q))(q)
+    places_W, poses = jax.vmap(predicted)(at), jax.vmap(lambda at: at.bodies(model, every))(at)
     solved = jax.vmap(lambda item: item == RESULTS.solved)(solution.result)
 
     def believed(q):
@@ -204,13 +208,12 @@ def _compiled(model: Model, sites: tuple[int, ...], places, posture, start, mark
 
 
 def marker_jacobian(
-    model: Model, bodies: np.ndarray, q: Float[Real, " nq"], points: Float[Real, "marker 3"]
+    model: Model, bodies: np.ndarray, twists: Float[Real, "nv 6"], points: Float[Real, "marker 3"]
 ) -> Float[Real, "marker 3 nv"]:
     """Velocity of points fixed in bodies per velocity of the coordinates: v + w x p of every twist that moves them.
 
-    **Arguments**: `bodies` [marker] index; `points` m, world.
+    **Arguments**: `bodies` [marker] index; `twists` of the degrees of freedom and `points` (m), world.
     """
-    twists = world_jacobian(model, q).T
     velocities = twists[None, :, 3:] + jnp.cross(twists[None, :, :3], points[:, None, :])
     return jnp.swapaxes(model.path_mask[bodies][:, :, None] * velocities, 1, 2)
 

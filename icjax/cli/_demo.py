@@ -4,9 +4,20 @@ import json
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from icjax.interaction import Interaction
+    from icjax.laboratory import Bump
+    from icjax.synthesis import Scene
 
 TRIAL = "trial00"
 SLIPPERY = 0.2
+
+ASIDE = 0.08
+"""How far from the stroke the bump lies that the finger should not meet, m."""
 
 
 @dataclass(frozen=True)
@@ -27,67 +38,12 @@ class Demo:
     """Contacts in each trial, taps and strokes in turn."""
 
     def run(self) -> None:
-        from icjax.capture import capture, read_session
         from icjax.cli._estimate import summary_text
-        from icjax.cli._judge import judge_capture, judge_estimate, judge_transfer
-        from icjax.cli._output import Steps
-        from icjax.cli._scenes import plate_scene
-        from icjax.estimation import estimate
-        from icjax.laboratory import bump_under, load_truth, record, replay
-        from icjax.report import write_report
-        from icjax.synthesis import transfer
+        from icjax.cli._helper import helper
 
         start = time.perf_counter()
-        steps = Steps(6)
-        studio = self.out / "studio"
-        with steps.step("record a virtual session") as progress:
-            record(studio, seed=self.seed, trials=self.trials, contacts=self.contacts, progress=progress)
-        with steps.step("markers to joint angles, forces and contact events") as progress:
-            session = capture(read_session(studio / "session.toml"), progress=progress)
-            session.save(self.out / "recording.nc")
-        with steps.step("compliance at contact and reference trajectory") as progress:
-            interaction = next(item for item in estimate(session, progress=progress) if item.name == TRIAL)
-            interaction.save(self.out / "interaction.nc")
-        bump = bump_under(studio, TRIAL)
-        recorded = float(interaction.friction or 0.0)
-        scenes = {
-            "flat": plate_scene("flat", friction=recorded),
-            "bump": plate_scene("bump", friction=recorded, bump_centre=bump.centre[:2], bump_radii=bump.radii),
-            "slippery": plate_scene("slippery", friction=SLIPPERY),
-        }
-        rollouts = {}
-        with steps.step("transfer to a flat plate, a bump and a slippery plate") as progress:
-            for done, (name, scene) in enumerate(scenes.items()):
-                rollouts[name] = transfer(
-                    interaction, scene, progress=lambda part, done=done: progress((done + part) / len(scenes))
-                )
-                rollouts[name].save(self.out / f"rollout_{name}.nc")
-        with steps.step("compare with the virtual subject on the same surfaces") as progress:
-            truth = {
-                "flat": load_truth(studio / "truth" / f"{TRIAL}.npz"),
-                "bump": replay(studio, TRIAL, bump=bump),
-                "slippery": replay(studio, TRIAL, friction=SLIPPERY),
-            }
-            metrics = {
-                "seed": self.seed,
-                "data": "simulated (virtual capture studio, MuJoCo)",
-                "capture": judge_capture(session, studio / "truth"),
-                "estimate": judge_estimate(interaction, truth["flat"]),
-                "transfer": {name: judge_transfer(rollouts[name], truth[name]) for name in scenes},
-            }
-            progress(1.0)
-            metrics["seconds"] = {title: round(value, 2) for title, value in steps.seconds.items()}
-            (self.out / "metrics.json").write_text(json.dumps(metrics, indent=1) + "\n")
-        with steps.step("report"):
-            page = write_report(
-                self.out / "report.html",
-                session=session,
-                interactions=(interaction,),
-                rollouts=tuple(rollouts.values()),
-                metrics=metrics,
-                seed=self.seed,
-                simulated=True,
-            )
+        with helper() as executor:
+            interaction, metrics, page = self._main_job(executor)
         print(summary_text(interaction))
         true = {joint: figures["true_compliance"] for joint, figures in metrics["estimate"].items()}
         print("true:        " + ", ".join(f"{joint} {value:.3f}" for joint, value in true.items()))
@@ -97,3 +53,60 @@ class Demo:
                 f"subject on that surface, fingertip path {1e3 * figures['fingertip_rms_m']:.2f} mm RMS"
             )
         print(f"wrote {page} ({time.perf_counter() - start:.0f} s); open it in a browser")
+
+    def _main_job(self, executor: "Executor | None") -> "tuple[Interaction, dict, Path]":
+        from icjax.capture import capture, read_session
+        from icjax.cli._judge import judge_capture, judge_estimate, judge_transfer
+        from icjax.cli._output import Steps
+        from icjax.estimation import estimate
+        from icjax.laboratory import bump_under, load_truth, record, replay
+        from icjax.report import Report
+        from icjax.synthesis import transfer
+
+        steps = Steps(6)
+        report = Report(executor)
+        studio = self.out / "studio"
+        metrics: dict[str, Any] = {"seed": self.seed, "data": "simulated (virtual capture studio, MuJoCo)"}
+        with steps.step("record a virtual session") as progress:
+            record(studio, seed=self.seed, trials=self.trials, contacts=self.contacts, progress=progress)
+        with steps.step("markers to joint angles, forces and contact events") as progress:
+            session = capture(read_session(studio / "session.toml"), progress=progress)
+            session.save(self.out / "recording.nc")
+        with steps.step("compliance at contact and reference trajectory") as progress:
+            interaction = next(item for item in estimate(session, progress=progress) if item.name == TRIAL)
+            interaction.save(self.out / "interaction.nc")
+        bump = bump_under(studio, TRIAL)
+        truth = {"flat": load_truth(studio / "truth" / f"{TRIAL}.npz")}
+        metrics["capture"] = judge_capture(session, studio / "truth")
+        metrics["estimate"] = judge_estimate(interaction, truth["flat"])
+        report.measured(session, (interaction,), metrics)
+        scenes = _scenes(bump, float(interaction.friction or 0.0))
+        rollouts = {}
+        with steps.step("transfer to a flat plate, a bump and a slippery plate") as progress:
+            for done, (name, scene) in enumerate(scenes.items()):
+                rollouts[name] = transfer(
+                    interaction, scene, progress=lambda part, done=done: progress((done + part) / len(scenes))
+                )
+                rollouts[name].save(self.out / f"rollout_{name}.nc")
+                report.transferred(rollouts[name])
+        with steps.step("compare with the virtual subject on the same surfaces") as progress:
+            truth["bump"] = replay(studio, TRIAL, bump=bump)
+            truth["slippery"] = replay(studio, TRIAL, friction=SLIPPERY)
+            metrics["transfer"] = {name: judge_transfer(rollouts[name], truth[name]) for name in scenes}
+            progress(1.0)
+            metrics["seconds"] = {title: round(value, 2) for title, value in steps.seconds.items()}
+            (self.out / "metrics.json").write_text(json.dumps(metrics, indent=1) + "\n")
+        with steps.step("report"):
+            page = report.write(self.out / "report.html", metrics=metrics, seed=self.seed, simulated=True)
+        return interaction, metrics, page
+
+
+def _scenes(bump: "Bump", friction: float) -> "dict[str, Scene]":
+    """One plate with a bump that is set aside where the finger should not meet it: one form, one compiled step."""
+    from icjax.cli._scenes import plate_scene
+
+    x, y = bump.centre[:2]
+    return {
+        name: plate_scene(name, friction=mu, bump_centre=(x, y + aside), bump_radii=bump.radii)
+        for name, mu, aside in (("flat", friction, ASIDE), ("bump", friction, 0.0), ("slippery", SLIPPERY, ASIDE))
+    }

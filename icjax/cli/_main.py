@@ -70,11 +70,11 @@ def configure_jax() -> None:
     # A third of the compile time for programs that run for a second or two; read when JAX starts.
     if "xla_backend_optimization_level" not in os.environ.get("XLA_FLAGS", ""):
         os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} --xla_backend_optimization_level=1".strip()
+    # Importing and tracing make many small objects that live long; the standard thresholds have the collector visit all
+    # of them again and again, a tenth of a run.
+    gc.set_threshold(50_000, 50, 1000)
     import jax
 
-    # Tracing makes many small objects that live long; the standard thresholds have the collector visit all of them
-    # again and again, a tenth of a run.
-    gc.set_threshold(50_000, 50, 1000)
     jax.config.update("jax_enable_x64", True)
     cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "icjax"
     jax.config.update("jax_compilation_cache_dir", os.environ.get("JAX_COMPILATION_CACHE_DIR", str(cache)))

@@ -8,14 +8,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from icjax.estimation._torque import body_index, contact_torque
-from icjax.model import integrate
+from icjax.estimation._torque import body_index
+from icjax.model import Model, frames, neutral, tree
 from icjax.recording import Recording
 from icjax.running import on_full_blocks
-from icjax.typing import Float
+from icjax.typing import Bool, Float, Real
 
-BATCH = 256
-"""Frames differentiated at once: all of a long trial would take gigabytes."""
+BATCH = 2048
+"""Frames at once: all of a long trial would take gigabytes."""
 
 
 class TorqueDeviation(NamedTuple):
@@ -75,27 +75,52 @@ def torque_deviation(recording: Recording) -> TorqueDeviation:
 
 
 @eqx.filter_jit
-def _all_frames(model, bodies, offset, force_sd, q, covariance, force, point, moment, touching, valid, point_sd):
-    nothing = jnp.zeros(model.nv, q.dtype), jnp.zeros_like(force[0]), jnp.zeros_like(point[0])
-
-    def frame(q, covariance, force, point, moment, touching, valid, point_sd):
-        on = touching[:, None]
-        force, point, moment = (jnp.where(on, value, 0.0) for value in (force, point, moment))
-
-        def torque(dq, df, dp):
-            moved = integrate(model, q, dq)
-            return contact_torque(model, bodies, moved, force + df, point + dp, moment, touching)
-
-        D, G, P = jax.jacfwd(torque, argnums=(0, 1, 2))(*nothing)
-        known = jnp.all(jnp.isfinite(covariance))
+def _all_frames(model, bodies, offset, force_sd, *rows):
+    def frame(row):
+        q, covariance, force, point, moment, touching, valid, point_sd = row
+        known = jnp.all(jnp.isfinite(q))
+        D, G, P = torque_derivatives(model, bodies, jnp.where(known, q, neutral(model)), force, point, moment, touching)
+        known &= jnp.all(jnp.isfinite(covariance))
         spread = jnp.where(known, covariance, 0.0)
-        variance = jnp.einsum("dv,vw,dw->d", D, spread, D)
-        variance += jnp.einsum("dca,c->d", G**2, jnp.where(touching, force_sd**2, 0.0))
-        variance += jnp.einsum("dca,c->d", P**2, jnp.where(touching, point_sd**2, 0.0))
-        constant = jnp.einsum("dv,vw,dw->d", D, offset, D)
-        lost = jnp.any(touching) & ~(valid & known & jnp.all(jnp.isfinite(q)))
+        variance = jnp.sum((D @ spread) * D, axis=1)
+        variance += jnp.sum(G**2, axis=2) @ jnp.where(touching, force_sd**2, 0.0)
+        variance += jnp.sum(P**2, axis=2) @ jnp.where(touching, point_sd**2, 0.0)
+        constant = jnp.sum((D @ offset) * D, axis=1)
+        lost = jnp.any(touching) & ~(valid & known)
         # Rounding may leave a variance below zero where it is zero.
         return tuple(jnp.where(lost, jnp.nan, jnp.sqrt(jnp.maximum(item, 0.0))) for item in (variance, constant))
 
-    rows = (q, covariance, force, point, moment, touching, valid, point_sd)
-    return jax.lax.map(lambda row: frame(*row), rows, batch_size=BATCH)
+    return jax.lax.map(frame, rows, batch_size=BATCH)
+
+
+def torque_derivatives(
+    model: Model,
+    bodies: tuple[int, ...],
+    q: Float[Real, " coordinate"],
+    force: Float[Real, "contact 3"],
+    point: Float[Real, "contact 3"],
+    moment: Float[Real, "contact 3"],
+    touching: Bool[Real, " contact"],
+) -> tuple[Float[Real, "dof dof"], Float[Real, "dof contact 3"], Float[Real, "dof contact 3"]]:
+    """D, G and P of `torque_deviation`: derivatives of `contact_torque` by the coordinates, forces and points.
+
+    With the twist t_d = (w_d, v_d) of a degree of freedom in world coordinates, W_d = (m, f) the sum of the wrenches
+    about the world origin that it carries, tau_d = t_d . W_d. Where e moves the frame that carries t_d, dt_d / de is
+    the cross product of the twists t_e and t_d, hence
+
+        D_de = w_e . (w_d x m_d + v_d x f_d) + v_e . (w_d x f_d),   G_d = v_d + w_d x p,   P_d = f x w_d.
+    """
+    on = jnp.asarray(touching)[:, None]
+    force, point, moment = (jnp.where(on, value, 0.0) for value in (force, point, moment))
+    twists = frames(model, q).twists
+    w, v = twists[:, :3], twists[:, 3:]
+    carried = jnp.asarray(model.path_mask[np.asarray(bodies, dtype=int)], dtype=twists.dtype)
+    total = carried.T @ jnp.concatenate([jnp.cross(point, force) + moment, force], axis=1)
+    turned = jnp.cross(w, total[:, :3]) + jnp.cross(v, total[:, 3:])
+    lever = jnp.concatenate([turned, jnp.cross(w, total[:, 3:])], axis=1)
+    mask = carried.T[:, :, None]
+    return (
+        jnp.where(tree(model).dof_mask, lever @ twists.T, 0.0),
+        mask * (v[:, None] + jnp.cross(w[:, None], point[None])),
+        mask * jnp.cross(force[None], w[:, None]),
+    )

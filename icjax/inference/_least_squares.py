@@ -20,18 +20,18 @@ class Fit(eqx.Module):
     **Fields**
 
     - `value` [problem, n]: the parameters.
-    - `residual` [problem, m]: r(value).
+    - `cost` [problem]: |r(value)|^2.
     - `information` [problem, nv, nv]: J^T J at the value, J = d r(retract(value, dx)) / d dx at dx = 0.
     """
 
     value: Float[Real, "problem n"]
-    residual: Float[Real, "problem m"]
+    cost: Float[Real, " problem"]
     information: Float[Real, "problem nv nv"]
 
 
 class _State(NamedTuple):
     value: jax.Array
-    residual: jax.Array
+    cost: jax.Array
     information: jax.Array
     gradient: jax.Array
     damping: jax.Array
@@ -91,22 +91,22 @@ def least_squares(
 
     def linearised(x, d):
         r, J = (linearise or by_forward_mode)(x, d)
-        return r, J.T @ J, J.T @ r
+        return jnp.sum(r * r), J.T @ J, J.T @ r
 
     def advance(state: _State) -> _State:
-        r, H, g = jax.vmap(linearised)(state.trial, data)
-        better = ((_cost(r) <= _cost(state.residual)) | (state.step == 0)) & ~state.done
+        cost, H, g = jax.vmap(linearised)(state.trial, data)
+        better = ((cost <= state.cost) | (state.step == 0)) & ~state.done
         first, least, most = DAMPING
         damping = jnp.clip(jnp.where(better, state.damping / 10, state.damping * 10), least, most)
         value = _chosen(better, state.trial, state.value)
-        r, H, g = (_chosen(better, new, old) for new, old in zip((r, H, g), state[1:4], strict=True))
+        cost, H, g = (_chosen(better, new, old) for new, old in zip((cost, H, g), state[1:4], strict=True))
         diagonal = jnp.einsum("bii->bi", H)
         floor = jnp.max(diagonal, axis=1, keepdims=True) * eps + tiny
         damped = H + (damping[:, None] * diagonal + floor)[:, :, None] * eye[None]
         dx = -jax.scipy.linalg.cho_solve((jnp.linalg.cholesky(damped), True), g[:, :, None])[:, :, 0]
         return _State(
             value=value,
-            residual=r,
+            cost=cost,
             information=H,
             gradient=g,
             damping=damping,
@@ -117,18 +117,16 @@ def least_squares(
         )
 
     count = start.shape[0]
-    shape = jax.eval_shape(jax.vmap(linearised), start, data)
-    r, H, g = (jnp.zeros(item.shape, item.dtype) for item in shape)
     none = jnp.zeros(count, bool)
     damping = jnp.full(count, 10 * DAMPING[0], start.dtype)
-    state = _State(start, r, H, g, damping, start, none, none, jnp.zeros((), jnp.int32))
+    H, g = jnp.zeros((count, nv, nv), start.dtype), jnp.zeros((count, nv), start.dtype)
+    state = _State(start, jnp.zeros_like(damping), H, g, damping, start, none, none, jnp.zeros((), jnp.int32))
     state = jax.lax.while_loop(lambda s: (s.step <= max_steps) & ~jnp.all(s.done), advance, state)
-    cost = _cost(state.residual)
-    scale = jnp.sqrt(cost * jnp.einsum("bii->b", state.information))
+    scale = jnp.sqrt(state.cost * jnp.einsum("bii->b", state.information))
     steepness = jnp.max(jnp.abs(state.gradient), axis=1) / jnp.where(scale > 0, scale, 1.0)
-    finite = jnp.isfinite(cost) & jnp.all(jnp.isfinite(state.value), axis=1)
+    finite = jnp.isfinite(state.cost) & jnp.all(jnp.isfinite(state.value), axis=1)
     return Solution(
-        value=Fit(value=state.value, residual=state.residual, information=state.information),
+        value=Fit(value=state.value, cost=state.cost, information=state.information),
         result=jax.vmap(_result)(state.done, finite),
         stats={"steps": state.step - 1, "residual": steepness},
     )
@@ -162,7 +160,3 @@ def covariance(
 def _result(done: jax.Array, finite: jax.Array) -> RESULTS:
     result = RESULTS.where(done, RESULTS.solved, RESULTS.not_converged)
     return RESULTS.where(finite, result, RESULTS.invalid_input)
-
-
-def _cost(residual: jax.Array) -> jax.Array:
-    return jnp.sum(residual * residual, axis=1)

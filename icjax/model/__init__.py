@@ -16,9 +16,12 @@ from icjax.model._edit import with_sites as with_sites
 from icjax.model._index_finger import index_finger as index_finger
 from icjax.model._kinematics import body_jacobian as body_jacobian
 from icjax.model._kinematics import forward_kinematics as forward_kinematics
+from icjax.model._kinematics import frames as frames
+from icjax.model._kinematics import jacobian_at as jacobian_at
 from icjax.model._kinematics import pad_positions as pad_positions
 from icjax.model._kinematics import point_jacobian as point_jacobian
 from icjax.model._kinematics import site_positions as site_positions
 from icjax.model._kinematics import world_jacobian as world_jacobian
 from icjax.model._load import load_model as load_model
 from icjax.model._model import Model as Model
+from icjax.model._tree import tree as tree

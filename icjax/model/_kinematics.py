@@ -22,6 +22,10 @@ class Frames(NamedTuple):
     poses: Pose
     twists: Float[Real, "dof 6"]
 
+    def bodies(self, model: Model, chosen: np.ndarray) -> Pose:
+        """World poses of some bodies, `[chosen]`."""
+        return self.poses[tree(model).body_frame[chosen]]
+
 
 def forward_kinematics(model: Model, q: Float[Real, " nq"]) -> Pose:
     """World poses of all bodies, `X_WB` batched over bodies (`[body]` takes one; body 0 is the world).
@@ -86,8 +90,12 @@ def point_jacobian(model: Model, q: Float[Real, " nq"], body: Index, p_W: Vector
     **Arguments**: `body` index; `p_W` the point in world coordinates, m. **Returns**: `[3, nv]`, m/s per unit of
     velocity. Source: Kry and Pai 2006, Eq. 4.
     """
-    twists = frames(model, q).twists
-    w, v = twists[:, :3], twists[:, 3:]
+    return jacobian_at(model, frames(model, q), body, p_W)
+
+
+def jacobian_at(model: Model, state: Frames, body: Index, p_W: Vector3) -> Float[Real, "3 nv"]:
+    """[`point_jacobian`] where the frames of a configuration are at hand."""
+    w, v = state.twists[:, :3], state.twists[:, 3:]
     columns = v + jnp.cross(w, jnp.broadcast_to(p_W, w.shape))
     mask = jnp.asarray(tree(model).body_mask)[body]
     return jnp.where(jnp.broadcast_to(mask, (3, model.nv)), columns.T, 0.0)

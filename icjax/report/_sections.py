@@ -27,32 +27,42 @@ KEY = (
 )
 
 
-def scene(recordings: Recordings, interactions: Interactions, rollouts: Rollouts) -> tuple[Section, str]:
-    """The 3-D view: what was measured, then every rollout, behind tabs. Returns the section and its script."""
-    shown: list[tuple[str, Any]] = []
+def shown_first(recordings: Recordings, interactions: Interactions) -> tuple[str, Recording | Interaction] | None:
+    """What the 3-D view shows before the rollouts, with its name: the first interaction, else the first trial."""
     if interactions:
-        shown.append((f"measured ({interactions[0].name})", interactions[0]))
-    elif recordings:
-        first = next((item for item in recordings if item.role == "trial"), recordings[0])
-        shown.append((f"measured ({first.name})", first))
-    shown += [(view.scene_name(item), item) for item in rollouts]
-    unseen = [name for name, item in shown if not _has_pose(item)]
-    shown = [(name, item) for name, item in shown if _has_pose(item)]
+        return f"measured ({interactions[0].name})", interactions[0]
+    if not recordings:
+        return None
+    first = next((item for item in recordings if item.role == "trial"), recordings[0])
+    return f"measured ({first.name})", first
+
+
+def view_page(item: Recording | Interaction | Rollout) -> str | None:
+    """A record in 3-D as a page of its own; None where no frame has a pose."""
+    return view.export_scene(item, frames=120) if _has_pose(item) else None
+
+
+def scene(pages: Sequence[tuple[str, str | None]]) -> tuple[Section, str]:
+    """The 3-D view: what was measured, then every rollout, behind tabs. Returns the section and its script.
+
+    **Arguments**: `pages` names and what `view_page` made of them.
+    """
+    unseen = [name for name, page in pages if page is None]
+    shown = [(name, page) for name, page in pages if page is not None]
+    heading = "In three dimensions"
     if not shown:
+        words = "Nothing to show: no recording, interaction or rollout."
         if unseen:
             words = f"Nothing to show: no frame of {', '.join(unseen)} has a pose."
-            return Section("view", "In three dimensions", absent(words)), ""
-        return Section(
-            "view", "In three dimensions", absent("Nothing to show: no recording, interaction or rollout.")
-        ), ""
+        return Section("view", heading, absent(words)), ""
     missing = absent(f"Not shown, since no frame has a pose: {', '.join(unseen)}.") if unseen else ""
-    frame, script = player([name for name, _ in shown], [view.export_scene(item, frames=120) for _, item in shown])
+    frame, script = player(*zip(*shown, strict=True))
     words = (
         "Drag to turn, scroll to zoom, use the bar below the picture to move through time. Arrows are contact "
         "forces on the subject, the longer the stronger. The plate under a measured movement is a "
         "level plane through the contact points."
     )
-    return Section("view", "In three dimensions", paragraph(words) + frame + KEY + missing), script
+    return Section("view", heading, paragraph(words) + frame + KEY + missing), script
 
 
 def _has_pose(item: Recording | Interaction | Rollout) -> bool:

@@ -3,7 +3,9 @@
 import os
 import platform
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, Executor
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -13,9 +15,10 @@ from icjax.interaction import Interaction
 from icjax.recording import Recording, Session
 from icjax.report._estimates import compliance, contact
 from icjax.report._page import note, page, paragraph, text, tiles
-from icjax.report._sections import forces, motion, provenance, rollout_table, scene
+from icjax.report._sections import forces, motion, provenance, rollout_table, scene, shown_first, view_page
 from icjax.report._summary import cautions, is_simulated, key_figures, lead
 from icjax.rollout import Rollout
+from icjax.view import scene_name
 
 PACKAGES = ("icjax", "jax", "equinox", "numpy", "scipy", "mujoco-core", "viser", "matplotlib")
 
@@ -57,29 +60,107 @@ def write_report(
     **Errors**: `ImportError` naming the extra ``viz`` where matplotlib or viser is absent; `FileError` where the
     file cannot be written.
     """
-    recordings = (session,) if isinstance(session, Recording) else (session.recordings if session else ())
-    interactions, rollouts = tuple(interactions), tuple(rollouts)
-    simulated = is_simulated(recordings, interactions, metrics) if simulated is None else simulated
-    name = session.name if session is not None else next((item.name for item in (*interactions, *rollouts)), "nothing")
-    title = title or f"Interaction capture: {name}"
-    frame, script = scene(recordings, interactions, rollouts)
-    sections = [
-        frame,
-        compliance(interactions, metrics, recordings),
-        contact(interactions),
-        motion(recordings, interactions),
-        forces(interactions, rollouts),
-        rollout_table(rollouts),
-        provenance(recordings, interactions, rollouts, metrics, versions or installed_versions(), seed),
-    ]
-    header = f'<p class="lead">{text(lead(recordings, interactions, rollouts, simulated))}</p>'
-    header += tiles(key_figures(recordings, interactions, rollouts))
-    header += note(cautions(interactions, rollouts, simulated))
-    footer = paragraph(
-        "Written by icjax. Forces act on the subject. Equation and figure numbers are those of Kry and Pai, "
-        "Interaction capture and synthesis, ACM Transactions on Graphics 25(3), 2006."
-    )
-    return _write(Path(path), page(title, name, header, sections, footer, script))
+    report = Report()
+    report.measured(session, interactions, metrics)
+    for rollout in rollouts:
+        report.transferred(rollout)
+    return report.write(path, metrics=metrics, versions=versions, seed=seed, simulated=simulated, title=title)
+
+
+class Report:
+    """The page of `write_report`, its pictures drawn as soon as what they show is known.
+
+    **Arguments**: `executor` of another process that draws them while the caller goes on; by default they are drawn at
+    once.
+    """
+
+    def __init__(self, executor: Executor | None = None):
+        self._executor = executor
+        self._recordings: tuple[Recording, ...] = ()
+        self._interactions: tuple[Interaction, ...] = ()
+        self._rollouts: tuple[Rollout, ...] = ()
+        self._name: str | None = None
+        self._views: list[tuple[str, _Drawn]] = []
+        self._sections: list[_Drawn] = []
+
+    def measured(
+        self,
+        session: Session | Recording | None = None,
+        interactions: Sequence[Interaction] = (),
+        metrics: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Take what was recorded and estimated; arguments as for `write_report`. To be called once."""
+        self._recordings = (session,) if isinstance(session, Recording) else (session.recordings if session else ())
+        self._interactions = tuple(interactions)
+        self._name = session.name if session is not None else None
+        first = shown_first(self._recordings, self._interactions)
+        self._sections = [
+            self._drawn(compliance, self._interactions, metrics, self._recordings),
+            self._drawn(contact, self._interactions),
+            self._drawn(motion, self._recordings, self._interactions),
+        ]
+        if first is not None:
+            self._views.append((first[0], self._drawn(view_page, first[1])))
+
+    def transferred(self, rollout: Rollout) -> None:
+        """Take a transfer; they are shown in the order in which they come."""
+        self._rollouts += (rollout,)
+        self._views.append((scene_name(rollout), self._drawn(view_page, rollout)))
+
+    def write(
+        self,
+        path: str | os.PathLike,
+        *,
+        metrics: Mapping[str, Any] | None = None,
+        versions: Mapping[str, str] | None = None,
+        seed: int | None = None,
+        simulated: bool | None = None,
+        title: str | None = None,
+    ) -> Path:
+        """Draw the rest and write the page; arguments, result and errors as for `write_report`."""
+        recordings, interactions, rollouts = self._recordings, self._interactions, self._rollouts
+        simulated = is_simulated(recordings, interactions, metrics) if simulated is None else simulated
+        name = self._name or next((item.name for item in (*interactions, *rollouts)), "nothing")
+        if not self._sections:
+            self.measured()
+        transferred = self._drawn(forces, interactions, rollouts)
+        frame, script = scene([(name, drawn.result()) for name, drawn in self._views])
+        sections = [
+            frame,
+            *(drawn.result() for drawn in (*self._sections, transferred)),
+            rollout_table(rollouts),
+            provenance(recordings, interactions, rollouts, metrics, versions or installed_versions(), seed),
+        ]
+        header = f'<p class="lead">{text(lead(recordings, interactions, rollouts, simulated))}</p>'
+        header += tiles(key_figures(recordings, interactions, rollouts))
+        header += note(cautions(interactions, rollouts, simulated))
+        footer = paragraph(
+            "Written by icjax. Forces act on the subject. Equation and figure numbers are those of Kry and Pai, "
+            "Interaction capture and synthesis, ACM Transactions on Graphics 25(3), 2006."
+        )
+        title = title or f"Interaction capture: {name}"
+        return _write(Path(path), page(title, name, header, sections, footer, script))
+
+    def _drawn(self, draw: Callable[..., Any], *records: Any) -> "_Drawn":
+        return _Drawn(draw, records, self._executor)
+
+
+class _Drawn:
+    """What a function draws, here and now or in another process."""
+
+    def __init__(self, draw: Callable[..., Any], records: tuple[Any, ...], executor: Executor | None):
+        self._again = partial(draw, *records)
+        self._future = None if executor is None else executor.submit(draw, *records)
+        self._value = self._again() if self._future is None else None
+
+    def result(self) -> Any:
+        """The drawing; made here if the other process has gone."""
+        if self._future is None:
+            return self._value
+        try:
+            return self._future.result()
+        except BrokenExecutor:
+            return self._again()
 
 
 def installed_versions() -> dict[str, str]:

@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from icjax.model import Model, forward_kinematics, pad_positions, point_jacobian
+from icjax.model import Model, frames, jacobian_at
 from icjax.synthesis._scene import Scene
 from icjax.typing import Float, Real
 
@@ -52,16 +52,18 @@ def find_contacts(
 
     **Arguments**: `q`; `pad_force` on each slot, N, in the frame of the body that carries the pad (none: unloaded).
     """
-    centres = pad_positions(model, q)
+    at = frames(model, q)
+    carriers = at.bodies(model, np.asarray(model.pad_bodies, int))
+    centres = jax.vmap(lambda pose, centre: pose.apply(centre))(carriers, jnp.asarray(model.pad_centre))
     pads = slot_pads(model, scene)
     bodies = np.asarray(model.pad_bodies, int)[pads]
     radius = jnp.asarray(model.pad_radius)[pads]
     each = [surface.shape for surface in scene.surfaces]
     distance = jnp.stack([jax.vmap(shape.signed_distance)(centres) for shape in each], axis=1).reshape(-1)
     normal = jnp.stack([jax.vmap(shape.normal)(centres) for shape in each], axis=1).reshape(-1, 3)
-    rotation = forward_kinematics(model, q).rotation[bodies]
+    rotation = carriers.rotation[pads]
     point = centres[pads] - radius[:, None] * normal
     if pad_force is not None:
         point = point + slot_compliance(model, scene)[:, None] * jnp.einsum("iab,ib->ia", rotation, pad_force)
-    jacobian = jax.vmap(lambda body, p: point_jacobian(model, q, body, p))(jnp.asarray(bodies), point)
+    jacobian = jax.vmap(lambda body, p: jacobian_at(model, at, body, p))(jnp.asarray(bodies), point)
     return Contacts(point=point, normal=normal, gap=distance - radius, jacobian=jacobian, rotation=rotation)

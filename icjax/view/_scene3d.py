@@ -123,13 +123,17 @@ def _record_scene(server: Any, record: Recording | Interaction | Rollout, shown:
     apart = gaps.max(axis=1) > 0.005 * size
     differing = set(np.flatnonzero(gaps.max(axis=0) > 0.005 * size).tolist())
     ghosts = _add_body(server, record, "reference", _rgb(REFERENCE), 0.25, differing)
+    still = (np.ptp(shown.position, axis=0) == 0.0).all(axis=1) & (np.ptp(quaternions, axis=0) == 0.0).all(axis=1)
+    moving = set(np.flatnonzero(~still).tolist())
 
     def place(k: int) -> None:
         for body, node in nodes.items():
-            node.wxyz, node.position = quaternions[k, body], shown.position[k, body]
+            if k == 0 or body in moving:
+                node.wxyz, node.position = quaternions[k, body], shown.position[k, body]
         for body, node in ghosts.items():
-            node.wxyz, node.position = ghost_quaternions[k, body], ghost_positions[k, body]
             node.visible = bool(apart[k])
+            if apart[k]:
+                node.wxyz, node.position = ghost_quaternions[k, body], ghost_positions[k, body]
         arrows.show(shown.point[k], shown.force[k], shown.colour[k])
         if shown.markers is not None:
             found = shown.markers[k][np.isfinite(shown.markers[k]).all(axis=1)]

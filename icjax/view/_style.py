@@ -55,6 +55,7 @@ _RC = {
     "legend.fontsize": 8.0,
     "legend.handlelength": 1.8,
     "svg.fonttype": "none",
+    "svg.hashsalt": "icjax",  # the same page from the same records
     "figure.dpi": 100.0,
 }
 

@@ -9,6 +9,8 @@ import numpy as np
 from hand_made import COMPLIANCE, chain, pressing, recording, session
 
 from icjax.estimation import EstimationOptions, compliance_at_contact, contact_torque, estimate, torque_deviation
+from icjax.estimation._torque_error import torque_derivatives
+from icjax.model import integrate, load_model, neutral
 
 DRAWS = 4000
 """A standard deviation from so many draws is known to 1 / sqrt(2 * 4000) = 1.1 %."""
@@ -77,6 +79,54 @@ def test_random_draws_scatter_as_stated():
     )
     np.testing.assert_allclose(np.std(shifted, axis=0), found.offset[0], rtol=0.08, atol=1e-9)
     np.testing.assert_allclose(found.total, np.hypot(found.noise, found.offset))
+
+
+MIXED = """
+<mujoco>
+  <worldbody>
+    <body name="trunk" pos="0.1 0.2 1.0">
+      <freejoint/>
+      <geom type="sphere" size="0.05" mass="1"/>
+      <body name="upper" pos="0 0 -0.1" euler="10 20 30">
+        <joint name="shoulder" type="ball" pos="0.01 0 0"/>
+        <geom type="sphere" size="0.03" mass="0.3"/>
+        <body name="lower" pos="0.05 0 -0.2">
+          <joint name="bend" type="hinge" axis="0.6 0.8 0" pos="0 0.01 0.02"/>
+          <joint name="twist" type="hinge" axis="0 0 1"/>
+          <joint name="stretch" type="slide" axis="0 0.6 0.8"/>
+          <geom type="sphere" size="0.02" mass="0.2"/>
+        </body>
+        <body name="other" pos="0 0.1 0">
+          <joint name="side" type="hinge" axis="0 1 0"/>
+          <geom type="sphere" size="0.02" mass="0.2"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def test_the_derivatives_are_those_of_the_torque(tmp_path):
+    path = tmp_path / "mixed.xml"
+    path.write_text(MIXED)
+    model = load_model(path)
+    random = np.random.default_rng(5)
+    q = integrate(model, neutral(model), 0.7 * random.normal(size=model.nv))
+    bodies = tuple(model.body(name) for name in ("lower", "other", "trunk", "lower"))
+    force, point, moment = random.normal(size=(3, 4, 3))
+    touching = np.array([True, True, True, False])
+
+    def torque(dq, f, p):
+        return contact_torque(model, bodies, integrate(model, q, dq), f, p, moment, touching)
+
+    expected = jax.jacfwd(torque, argnums=(0, 1, 2))(np.zeros(model.nv), force, point)
+    found = torque_derivatives(model, bodies, q, force, point, moment, touching)
+    for mine, exact in zip(found, expected, strict=True):
+        mine = mine if mine.ndim == 2 else mine[:, touching]
+        exact = exact if exact.ndim == 2 else exact[:, touching]
+        np.testing.assert_allclose(mine, exact, atol=1e-12)
+        assert np.abs(exact).max() > 0.1
 
 
 def test_nothing_without_contact_and_unknown_without_a_pose():

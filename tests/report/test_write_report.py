@@ -1,6 +1,7 @@
 """What the page says when parts are missing, and that it is written whole or not at all."""
 
 import re
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 
 import equinox as eqx
 import numpy as np
@@ -11,7 +12,7 @@ from view.example_records import make_interaction, make_recording, make_rollout
 from icjax import report as report_package
 from icjax.files import FileError
 from icjax.recording import Session
-from icjax.report import _estimates, _sections, write_report
+from icjax.report import Report, _estimates, _sections, write_report
 
 
 @pytest.fixture
@@ -134,6 +135,28 @@ def test_what_the_numbers_cover_is_said(tmp_path):
         assert words in text
     plain = write_report(tmp_path / "plain.html", interactions=(interaction,)).read_text(encoding="utf-8")
     assert "virtual subject" not in plain
+
+
+class Gone(Executor):
+    """A process that is no longer there when its results are wanted."""
+
+    def submit(self, fn, /, *args, **kwargs):
+        future = Future()
+        future.set_exception(BrokenExecutor("killed"))
+        return future
+
+
+@pytest.mark.usefixtures("no_scene")
+@pytest.mark.parametrize("executor", [ThreadPoolExecutor(1), Gone()])
+def test_a_page_drawn_elsewhere_is_the_same(tmp_path, executor):
+    recording = make_recording()
+    interaction, rollout = make_interaction(recording), make_rollout("flat", bump=False)
+    given = {"session": recording, "interactions": (interaction,), "rollouts": (rollout,)}
+    expected = write_report(tmp_path / "report.html", **given).read_text(encoding="utf-8")
+    report = Report(executor)
+    report.measured(recording, (interaction,))
+    report.transferred(rollout)
+    assert report.write(tmp_path / "other.html").read_text(encoding="utf-8") == expected
 
 
 @pytest.mark.usefixtures("no_scene")
