@@ -20,6 +20,9 @@ FIRST_SD = 0.001
 FIRST_RATE = 100.0
 """Frames a second of the first solution; a hand's movement lies below 20 Hz."""
 
+OFFSET_FRAMES = 1024
+"""Frames, spread over the trial, that the mean of an offset's covariance is taken from."""
+
 ENOUGH = 50
 """Frames that are enough for a mean place."""
 
@@ -91,16 +94,18 @@ def joint_angles(
     start = interpolated(model, first, raw.q, len(markers))
     second = solve_poses(model, sites, filtered, weight, start, shift, lambda done: told(0.3 + 0.7 * done), posture)
     sd = _marker_sd(second, filtered, weight, model.nv, FIRST_SD if posture is None else float(posture.noise))
-    _, determined = pose_covariance(second.information, FIRST_SD, second.prior)
-    covariance, _ = pose_covariance(second.information, sd, second.prior)
-    offsets, _ = pose_covariance(second.information, placement_sd, second.prior)
+    covariance, determined = pose_covariance(second.information, sd if np.isfinite(sd) else FIRST_SD, second.prior)
+    if not np.isfinite(sd):
+        covariance = np.full_like(covariance, np.nan)
     usable = determined & second.converged
-    mean = offsets[usable].mean(axis=0) if usable.any() else offsets.mean(axis=0)
+    some = np.flatnonzero(usable) if usable.any() else np.arange(len(usable))
+    some = some[:: -(-len(some) // OFFSET_FRAMES)]
+    offsets, _ = pose_covariance(second.information[some], placement_sd, second.prior[some])
     on_sites = second.predicted - _turned(second, shift)
     return JointAngles(
         q=second.q,
         covariance=covariance,
-        offset_covariance=mean,
+        offset_covariance=offsets.mean(axis=0),
         valid=usable,
         residual=np.where(seen, np.linalg.norm(markers - on_sites, axis=-1), np.nan),
         body_rotations=second.body_rotations,

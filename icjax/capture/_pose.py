@@ -1,6 +1,9 @@
 """From markers to joint angles: one nonlinear least-squares problem a frame, all frames at once."""
 
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -9,10 +12,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from icjax.capture._posture import PosturePrior, no_prior, prior_rows
+from icjax.capture._posture import PosturePrior, no_prior, prior_normal_equations
 from icjax.capture._registration import start_coordinates
 from icjax.inference import covariance, least_squares
-from icjax.model import Model, frames, integrate, neutral
+from icjax.model import Model, frames, integrate, neutral, tree
 from icjax.results import RESULTS
 from icjax.typing import Real
 
@@ -20,8 +23,8 @@ BLOCK = 512
 """Frames solved by one compiled call; trials of every length share its compilation."""
 
 NEAR = 1e-6
-"""rad or m; a step below it ends the search where a posture prior takes part: residuals that stay at the solution make
-the convergence linear, and the last steps the longest part."""
+"""rad or m; a step below it ends the search: the next one would be a thousand times shorter (without a posture prior,
+whose residuals stay at the solution and make the convergence slower, far shorter still)."""
 
 WIDEST = 10.0
 """rad or m: what an undetermined coordinate's standard deviation is set to."""
@@ -71,23 +74,13 @@ def solve_poses(
     posture = posture or no_prior(model)
     weight = np.where(np.isfinite(markers).all(axis=-1), weight, 0.0)
     markers = np.nan_to_num(markers)
-    told = progress or (lambda fraction: None)
     places = np.asarray(model.site_position)[list(sites)]
     if shift is not None:
         places = places + shift
     if start is None:
         start = _spread_start(model, sites, places, markers, weight, posture)
-    total = -(-len(markers) // BLOCK)
-    finished = 0
-
-    def solve(*block):
-        nonlocal finished
-        solved = jax.block_until_ready(_compiled(model, sites, places, posture, *block))
-        finished += 1
-        told(finished / total)
-        return solved
-
-    return PoseSolution(*by_blocks(solve, start, markers, weight))
+    solve = partial(_compiled, model, sites, places, posture)
+    return PoseSolution(*by_blocks(solve, start, markers, weight, progress=progress))
 
 
 def _spread_start(
@@ -173,38 +166,65 @@ def _compiled(model: Model, sites: tuple[int, ...], places, posture, start, mark
         poses = at.bodies(model, bodies)
         return jnp.einsum("sij,sj->si", poses.rotation, places) + poses.position
 
-    def linearise(q, data):
+    def normal_equations(q, data):
         observed, w = data
         at = frames(model, q)
         points = predicted(at)
-        root = jnp.sqrt(w)[:, None]
-        J = root[:, :, None] * marker_jacobian(model, bodies, at.twists, points)
-        believed, slopes = prior_rows(model, posture, q)
-        r = jnp.concatenate([(root * (points - observed)).reshape(-1), believed])
-        return r, jnp.concatenate([J.reshape(-1, model.nv), slopes])
+        misfit = points - observed
+        own = marker_normal_equations(model, bodies, at.twists, points, misfit, w)
+        return jax.tree.map(jnp.add, own, prior_normal_equations(model, posture, q))
 
     solution = least_squares(
-        lambda q, data: linearise(q, data)[0],
+        None,
         start,
         (markers, weight),
         nv=model.nv,
         retract=lambda q, dq: integrate(model, q, dq),
-        linearise=linearise,
-        tolerance=NEAR if len(posture.target) else None,
+        normal_equations=normal_equations,
+        tolerance=NEAR,
     )
     q = solution.value.value
     at = jax.vmap(lambda q: frames(model, q))(q)
     places_W, poses = jax.vmap(predicted)(at), jax.vmap(lambda at: at.bodies(model, every))(at)
     solved = jax.vmap(lambda item: item == RESULTS.solved)(solution.result)
 
-    def believed(q):
-        slopes = prior_rows(model, posture, q)[1]
-        return slopes.T @ slopes
-
-    known = jax.vmap(believed)(q)
+    known = jax.vmap(lambda q: prior_normal_equations(model, posture, q)[1])(q)
     seen = solution.value.information - known
     prior = known / posture.noise**2
     return q, seen, prior, places_W, poses.rotation[:, bodies], poses.rotation, poses.position, solved
+
+
+def marker_normal_equations(
+    model: Model,
+    bodies: np.ndarray,
+    twists: Float[Real, "nv 6"],
+    points: Float[Real, "marker 3"],
+    misfit: Float[Real, "marker 3"],
+    weight: Float[Real, " marker"],
+) -> tuple[Float[Real, ""], Float[Real, "nv nv"], Float[Real, " nv"]]:
+    """Cost, J^T J and J^T r of sum_i w_i |e_i|^2 for points fixed in bodies, e_i their misfits.
+
+    J^T J is the mass matrix of masses w_i at the points, J^T r the generalised force of the forces w_i e_i there. Like
+    those they come from sums over what each degree of freedom carries (composite bodies), for a fraction of the
+    products of J^T J: with c = sum w p and I = sum w (|p|^2 - p p^T), the momentum of a twist (omega, v) is
+    (I omega + c x v, v sum w - c x omega). All about the mean of the points, where the sums do not cancel.
+    """
+    origin = jnp.mean(points, axis=0)
+    points = points - origin[None]
+    carried = jnp.asarray(model.path_mask[bodies], points.dtype).T
+    force = weight[:, None] * misfit
+    square = jnp.sum(points**2, axis=1)[:, None, None] * jnp.eye(3, dtype=points.dtype)[None]
+    inertia = weight[:, None, None] * (square - points[:, :, None] * points[:, None, :])
+    each = [weight[:, None], weight[:, None] * points, inertia.reshape(-1, 9), jnp.cross(points, force), force]
+    mass, centre, inertia, wrench = jnp.split(carried @ jnp.concatenate(each, axis=1), (1, 4, 13), axis=1)
+    omega = twists[:, :3]
+    v = twists[:, 3:] + jnp.cross(omega, origin[None])
+    turning = jnp.einsum("dij,dj->di", inertia.reshape(-1, 3, 3), omega) + jnp.cross(centre, v)
+    twists = jnp.concatenate([omega, v], axis=1)
+    half = jnp.concatenate([turning, mass * v - jnp.cross(centre, omega)], axis=1) @ twists.T
+    above = tree(model).dof_mask
+    H = jnp.where(above, half, jnp.where(above.T, half.T, 0.0))
+    return jnp.sum(force * misfit), 0.5 * (H + H.T), jnp.sum(wrench * twists, axis=1)
 
 
 def marker_jacobian(
@@ -231,12 +251,28 @@ def pose_covariance(
     return by_blocks(lambda block: covariance(block, np.float64(1.0), WIDEST), total)
 
 
-def by_blocks(function: Callable[..., Any], *arrays: np.ndarray) -> Any:
-    """Apply a function to blocks of `BLOCK` frames, the last one filled up, and join what it returns."""
+def by_blocks(
+    function: Callable[..., Any], *arrays: np.ndarray, progress: Callable[[float], None] | None = None
+) -> Any:
+    """Apply a compiled function to blocks of `BLOCK` frames, the last one filled up, and join what it returns.
+
+    The first block alone (it compiles), the others on all cores, one a core.
+    """
     count = len(arrays[0])
-    parts = []
-    for first in range(0, count, BLOCK):
+
+    def one(first: int) -> Any:
         filled = [_padded(np.asarray(array[first : first + BLOCK]), BLOCK) for array in arrays]
         result = function(*(jnp.asarray(array) for array in filled))
-        parts.append(jax.tree.map(lambda item, first=first: np.asarray(item)[: count - first], result))
+        return jax.tree.map(lambda item: np.asarray(item)[: count - first], result)
+
+    starts = range(0, count, BLOCK)
+    parts = [one(0)]
+    pool = ThreadPoolExecutor(os.cpu_count())
+    try:
+        for part in pool.map(one, starts[1:]):
+            parts.append(part)
+            if progress is not None:
+                progress(len(parts) / len(starts))
+    finally:
+        pool.shutdown(cancel_futures=True)
     return jax.tree.map(lambda *items: np.concatenate(items), *parts)

@@ -100,6 +100,25 @@ def prior_rows(
     model: Model, prior: PosturePrior, q: Float[Real, " nq"]
 ) -> tuple[Float[Real, " m"], Float[Real, "m nv"]]:
     """Residuals of the prior at `q`, m, and their derivative with respect to a displacement."""
+    r, slope, dofs = _beyond_limits(model, prior, q)
+    limits = jnp.zeros((len(dofs), model.nv), q.dtype).at[np.arange(len(dofs)), dofs].set(slope)
+    r = jnp.concatenate([jnp.asarray(prior.over_q) @ q - jnp.asarray(prior.target), r])
+    return r, jnp.concatenate([jnp.asarray(prior.over_v), limits])
+
+
+def prior_normal_equations(
+    model: Model, prior: PosturePrior, q: Float[Real, " nq"]
+) -> tuple[Float[Real, ""], Float[Real, "nv nv"], Float[Real, " nv"]]:
+    """r^T r, J^T J and J^T r of `prior_rows`, whose J is constant but for one entry in a row of a limit."""
+    over_v = jnp.asarray(prior.over_v)
+    r = jnp.asarray(prior.over_q) @ q - jnp.asarray(prior.target)
+    beyond, slope, dofs = _beyond_limits(model, prior, q)
+    spread = jnp.zeros((2, model.nv), q.dtype).at[:, dofs].set(jnp.stack([slope**2, slope * beyond]))
+    return r @ r + beyond @ beyond, over_v.T @ over_v + jnp.diag(spread[0]), over_v.T @ r + spread[1]
+
+
+def _beyond_limits(model: Model, prior: PosturePrior, q: Real) -> tuple[Real, Real, np.ndarray]:
+    """Residuals of the soft limits, their slopes, and the degrees of freedom that they belong to."""
     scalar = [
         (part.start, dof.start)
         for kind, part, dof in zip(model.joint_types, model.coordinate_slices, model.dof_slices, strict=True)
@@ -112,6 +131,4 @@ def prior_rows(
     below = jnp.asarray(model.lower)[places] - here
     beyond = jnp.maximum(above, 0.0) - jnp.maximum(below, 0.0)
     outside = ((above > 0) | (below > 0)).astype(q.dtype)
-    limits = jnp.zeros((len(scalar), model.nv), q.dtype).at[np.arange(len(scalar)), dofs].set(weight * outside)
-    r = jnp.concatenate([jnp.asarray(prior.over_q) @ q - jnp.asarray(prior.target), weight * beyond])
-    return r, jnp.concatenate([jnp.asarray(prior.over_v), limits])
+    return weight * beyond, weight * outside, dofs

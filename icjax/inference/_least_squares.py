@@ -42,13 +42,13 @@ class _State(NamedTuple):
 
 
 def least_squares(
-    residual: Callable[[Any, Any], Any],
+    residual: Callable[[Any, Any], Any] | None,
     start: Float[Real, "problem n"],
     data: Any,
     *,
     nv: int,
     retract: Callable[[Any, Any], Any] = lambda x, dx: x + dx,
-    linearise: Callable[[Any, Any], tuple[Any, Any]] | None = None,
+    normal_equations: Callable[[Any, Any], tuple[Any, Any, Any]] | None = None,
     tolerance: float | None = None,
     max_steps: int = 40,
 ) -> Solution[Fit]:
@@ -70,8 +70,9 @@ def least_squares(
     - `start` [problem, n]: first guess.
     - `data`: arrays with a leading axis `problem`.
     - `nv`: number of coordinates of dx; `retract`: (x [n], dx [nv]) -> x [n].
-    - `linearise`: (x [n], d) -> r [m] and J [m, nv], d r(retract(x, dx), d) / d dx at dx = 0; by default forward
-      mode through `residual` and `retract`.
+    - `normal_equations`: (x [n], d) -> r^T r, J^T J [nv, nv] and J^T r [nv], J = d r(retract(x, dx), d) / d dx at
+      dx = 0, where they can be had for less than through J; then `residual` may be None. By default J comes from
+      forward mode through `residual` and `retract`.
     - `tolerance`: of a step, in the units of dx; default the square root of the machine epsilon, 1.5e-8 in
       float64 (the steps converge quadratically, what is left is far smaller). `max_steps`: of the loop.
 
@@ -86,12 +87,7 @@ def least_squares(
     eye = jnp.eye(nv, dtype=start.dtype)
     smallest = eps**0.5 if tolerance is None else tolerance
 
-    def by_forward_mode(x, d):
-        return residual(x, d), jax.jacfwd(lambda dx: residual(retract(x, dx), d))(zero)
-
-    def linearised(x, d):
-        r, J = (linearise or by_forward_mode)(x, d)
-        return jnp.sum(r * r), J.T @ J, J.T @ r
+    linearised = normal_equations or _by_forward_mode(residual, retract, zero)
 
     def advance(state: _State) -> _State:
         cost, H, g = jax.vmap(linearised)(state.trial, data)
@@ -130,6 +126,17 @@ def least_squares(
         result=jax.vmap(_result)(state.done, finite),
         stats={"steps": state.step - 1, "residual": steepness},
     )
+
+
+def _by_forward_mode(residual, retract, zero):
+    if residual is None:
+        raise ValueError("residual: give it or normal_equations")
+
+    def linearised(x, d):
+        r, J = residual(x, d), jax.jacfwd(lambda dx: residual(retract(x, dx), d))(zero)
+        return jnp.sum(r * r), J.T @ J, J.T @ r
+
+    return linearised
 
 
 def _chosen(mask: jax.Array, new: jax.Array, old: jax.Array) -> jax.Array:

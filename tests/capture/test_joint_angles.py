@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from icjax.capture._joint_angles import joint_angles
-from icjax.capture._pose import solve_poses
+from icjax.capture._pose import marker_jacobian, marker_normal_equations, solve_poses
+from icjax.capture._posture import posture_prior, prior_normal_equations, prior_rows
 from icjax.capture._registration import rigid_registration
-from icjax.model import index_finger, integrate, neutral, site_positions
+from icjax.model import frames, index_finger, integrate, neutral, site_positions
 from icjax.spatial import rotation_exp
 
 RATE = 500.0
@@ -17,10 +18,10 @@ SITES = tuple(range(len(MODEL.site_names)))
 HINGES = slice(7, 11)
 
 
-def movement(frames=700, turn=0.0):
+def movement(count=700, turn=0.0):
     """Slow strokes of all joints of a forearm that drifts, turned by any angle about a skew axis."""
-    time = np.arange(frames) / RATE
-    dq = np.zeros((frames, MODEL.nv))
+    time = np.arange(count) / RATE
+    dq = np.zeros((count, MODEL.nv))
     dq[:, :3] = turn * np.array([0.6, 0.0, 0.8]) + 0.05 * np.sin(2 * np.pi * 0.5 * time)[:, None]
     dq[:, 3:6] = [0.2, -0.1, 0.3] + 0.01 * np.cos(2 * np.pi * 0.4 * time)[:, None]
     dq[:, 6:] = np.array([0.1, 0.3, 0.4, 0.3]) + 0.2 * np.sin(2 * np.pi * 0.7 * time[:, None] + np.arange(4))
@@ -99,3 +100,33 @@ def test_registration_is_exact_and_never_a_mirror_image():
     np.testing.assert_allclose(p, [1, 2, 3], atol=1e-12)
     mirrored, _ = rigid_registration(points, points * [1, 1, -1])
     assert np.linalg.det(mirrored) > 0
+
+
+def test_the_normal_equations_are_those_of_the_jacobian():
+    """Composite sums against J^T J, far from the world's origin, where they would cancel about it."""
+    random = np.random.default_rng(7)
+    q = np.array(integrate(MODEL, neutral(MODEL), random.normal(size=MODEL.nv)))
+    q[:3] += 3.0
+    bodies = np.asarray(MODEL.site_bodies)
+    at = frames(MODEL, q)
+    poses = at.bodies(MODEL, bodies)
+    points = np.einsum("sij,sj->si", poses.rotation, MODEL.site_position) + poses.position
+    misfit, weight = 0.01 * random.normal(size=points.shape), random.random(len(points))
+    J = np.asarray(marker_jacobian(MODEL, bodies, at.twists, points)).reshape(-1, MODEL.nv)
+    each = np.repeat(weight, 3)
+    cost, H, g = marker_normal_equations(MODEL, bodies, at.twists, points, misfit, weight)
+    np.testing.assert_allclose(H, J.T @ (each[:, None] * J), atol=1e-12)
+    np.testing.assert_allclose(g, J.T @ (each * misfit.reshape(-1)), atol=1e-13)
+    np.testing.assert_allclose(cost, each @ misfit.reshape(-1) ** 2, rtol=1e-12)
+
+
+def test_the_normal_equations_of_a_prior_are_those_of_its_rows():
+    prior = posture_prior(MODEL, 0.002, sd=0.5, limit_sd=0.1, couplings={"DIP": ("PIP", 0.67, 0.1)})
+    q = np.array(neutral(MODEL))
+    q[HINGES] = [2.0, -0.1, 0.5, 3.0]
+    r, J = prior_rows(MODEL, prior, q)
+    assert np.count_nonzero(r[-4:]) >= 2
+    cost, H, g = prior_normal_equations(MODEL, prior, q)
+    np.testing.assert_allclose(H, J.T @ J, atol=1e-15)
+    np.testing.assert_allclose(g, J.T @ r, atol=1e-15)
+    np.testing.assert_allclose(cost, r @ r, rtol=1e-12)
