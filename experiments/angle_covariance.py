@@ -40,7 +40,7 @@ def judge(name: str, shared: Path, trials: tuple[str, ...] | None = None, calibr
     """Figures of one session, with `calibrate` on a model calibrated by its first four trials."""
     from icjax.capture import CalibrationOptions, capture, read_session
 
-    os.environ["ICJAX_SHARED_DATA"] = str(shared)
+    os.environ["ICJAX_SHARED_DATA"] = str(shared.resolve())
     spec = read_session(HERE / "sessions" / f"virtual_{name}.toml")
     if calibrate:
         options = CalibrationOptions(tuple(trial.name for trial in spec.trials[:4]))

@@ -47,7 +47,7 @@ def judge(name: str, shared: Path, trials: tuple[str, ...] | None = None) -> dic
     from icjax.capture import capture, read_session
     from icjax.estimation import joint_torque
 
-    os.environ["ICJAX_SHARED_DATA"] = str(shared)
+    os.environ["ICJAX_SHARED_DATA"] = str(shared.resolve())
     spec = read_session(HERE / "sessions" / f"virtual_{name}.toml")
     started = time.perf_counter()
     session = capture(spec, trials=trials)

@@ -113,7 +113,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=HERE / "results" / "gait_ankle.json")
     arguments = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    os.environ["ICJAX_SHARED_DATA"] = str(arguments.shared)
+    os.environ["ICJAX_SHARED_DATA"] = str(arguments.shared.resolve())
     rows = []
     print("windows (ms)".ljust(52) + "".join(f"{1e3 * window:7.0f}" for window in WINDOWS))
     for name in arguments.sessions:

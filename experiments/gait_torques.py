@@ -48,7 +48,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=HERE / "results" / "gait_torques.json")
     arguments = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    os.environ["ICJAX_SHARED_DATA"] = str(arguments.shared)
+    os.environ["ICJAX_SHARED_DATA"] = str(arguments.shared.resolve())
     from icjax.capture import capture, read_session
     from icjax.estimation import joint_torque, net_joint_torque
     from icjax.files import read_sto

@@ -29,7 +29,7 @@ def solve(shared: Path):
     """The session, its only recording, and the seconds of a second pass over the trial with nothing to compile."""
     from icjax.capture import calibrate_session, capture_trial, read_session
 
-    os.environ["ICJAX_SHARED_DATA"] = str(shared)
+    os.environ["ICJAX_SHARED_DATA"] = str(shared.resolve())
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*dropped.*")  # the meshes, which are not there
         spec = read_session(HERE / "sessions" / "dfki_hand.toml")

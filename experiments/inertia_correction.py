@@ -45,7 +45,7 @@ def judge(name: str, shared: Path) -> dict:
     from icjax.capture import capture, read_session
     from icjax.estimation import EstimationOptions, joint_torque
 
-    os.environ["ICJAX_SHARED_DATA"] = str(shared)
+    os.environ["ICJAX_SHARED_DATA"] = str(shared.resolve())
     spec = read_session(HERE / "sessions" / f"virtual_{name}.toml")
     trials = tuple(trial.name for trial in spec.trials if trial.role == "trial")
     recordings = capture(spec, trials=trials).recordings

@@ -234,7 +234,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=HERE / "results" / "instruments.json")
     arguments = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    os.environ["ICJAX_SHARED_DATA"] = str(arguments.shared)
+    os.environ["ICJAX_SHARED_DATA"] = str(arguments.shared.resolve())
     figures = {"data": "simulated"}
     if arguments.out.is_file():
         figures |= json.loads(arguments.out.read_text())

@@ -114,7 +114,7 @@ def capture_trial(
         model=spec.model,
         time=time,
         q=angles.q,
-        q_covariance=angles.covariance,
+        q_covariance=angles.covariance.astype(np.float32),  # most of a record: a standard deviation to 1e-7
         q_offset_sd=angles.offset_sd,
         valid=angles.valid,
         contact_names=contacts.names,

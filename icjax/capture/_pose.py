@@ -1,8 +1,6 @@
 """From markers to joint angles: one nonlinear least-squares problem a frame, all frames at once."""
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -254,25 +252,17 @@ def pose_covariance(
 def by_blocks(
     function: Callable[..., Any], *arrays: np.ndarray, progress: Callable[[float], None] | None = None
 ) -> Any:
-    """Apply a compiled function to blocks of `BLOCK` frames, the last one filled up, and join what it returns.
-
-    The first block alone (it compiles), the others on all cores, one a core.
-    """
+    """Apply a compiled function to blocks of `BLOCK` frames, the last one filled up, and join what it returns."""
     count = len(arrays[0])
-
-    def one(first: int) -> Any:
-        filled = [_padded(np.asarray(array[first : first + BLOCK]), BLOCK) for array in arrays]
+    joined = None
+    for first in range(0, count, BLOCK):
+        rows = slice(first, min(first + BLOCK, count))
+        filled = [_padded(np.asarray(array[rows]), BLOCK) for array in arrays]
         result = function(*(jnp.asarray(array) for array in filled))
-        return jax.tree.map(lambda item: np.asarray(item)[: count - first], result)
-
-    starts = range(0, count, BLOCK)
-    parts = [one(0)]
-    pool = ThreadPoolExecutor(os.cpu_count())
-    try:
-        for part in pool.map(one, starts[1:]):
-            parts.append(part)
-            if progress is not None:
-                progress(len(parts) / len(starts))
-    finally:
-        pool.shutdown(cancel_futures=True)
-    return jax.tree.map(lambda *items: np.concatenate(items), *parts)
+        if joined is None:
+            joined = jax.tree.map(lambda item: np.empty((count, *item.shape[1:]), item.dtype), result)
+        for whole, part in zip(jax.tree.leaves(joined), jax.tree.leaves(result), strict=True):
+            whole[rows] = np.asarray(part)[: rows.stop - first]
+        if progress is not None:
+            progress(rows.stop / count)
+    return joined

@@ -13,7 +13,10 @@ from icjax.running import on_full_blocks
 from icjax.typing import Bool, Float, Int, Real
 
 BLOCK = 2048
-"""Rows of one compiled call."""
+"""Rows of one compiled call are a multiple of this."""
+
+BATCH = 512
+"""Frames at once, so that what they need stays in the cache."""
 
 
 def joint_torque(recording: Recording) -> Float[Real, "time dof"]:
@@ -108,7 +111,7 @@ def _all_frames(model, bodies, q, force, point, moment, touching, valid):
     def frame(valid, *columns):
         return jnp.where(valid | ~jnp.any(columns[-1]), contact_torque(model, bodies, *columns), jnp.nan)
 
-    return jax.vmap(frame)(valid, q, force, point, moment, touching)
+    return jax.lax.map(lambda row: frame(*row), (valid, q, force, point, moment, touching), batch_size=BATCH)
 
 
 def body_index(model: Model, name: str) -> int:
