@@ -201,14 +201,14 @@ def _spread_frames(
     solved = [
         solve_poses(model, sites, part, np.isfinite(part).all(axis=-1).astype(float), posture=posture) for part in parts
     ]
-    poses = PoseSolution(*(np.concatenate(items) for items in zip(*solved, strict=True)))
+    poses = jax.tree.map(lambda *items: np.concatenate(items), *solved)
     markers = np.concatenate(parts)
     weight = np.isfinite(markers).all(axis=-1).astype(float)
     distance = np.nan_to_num(np.linalg.norm(markers - poses.predicted, axis=-1))
     error = np.sqrt(np.sum(weight * distance**2, axis=1) / weight.sum(axis=1))
     usable = np.flatnonzero(poses.converged & (error <= 3 * np.median(error)))
     picked = usable[_farthest(_angles(model, poses.q[usable]), count)]
-    return markers[picked], weight[picked], PoseSolution(*(item[picked] for item in poses))
+    return markers[picked], weight[picked], jax.tree.map(lambda item: item[picked], poses)
 
 
 def _angles(model: Model, q: np.ndarray) -> np.ndarray:

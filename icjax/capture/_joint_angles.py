@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Callable
 
+import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -100,7 +101,8 @@ def joint_angles(
     usable = determined & second.converged
     some = np.flatnonzero(usable) if usable.any() else np.arange(len(usable))
     some = some[:: -(-len(some) // OFFSET_FRAMES)]
-    offsets, _ = pose_covariance(second.information[some], placement_sd, second.prior[some])
+    prior = None if second.prior is None else second.prior[some]
+    offsets, _ = pose_covariance(second.information[some], placement_sd, prior)
     on_sites = second.predicted - _turned(second, shift)
     return JointAngles(
         q=second.q,
@@ -153,10 +155,13 @@ def _gaps_again(
     if not len(gaps):
         return poses
     again = solve_poses(model, sites, markers[gaps], seen[gaps].astype(float), poses.q[gaps], shift, posture=posture)
-    items = [item.copy() for item in poses]
-    for item, new in zip(items, again, strict=True):
-        item[gaps] = new
-    return PoseSolution(*items)
+
+    def replaced(old: np.ndarray, new: np.ndarray) -> np.ndarray:
+        old = old.copy()
+        old[gaps] = new
+        return old
+
+    return jax.tree.map(replaced, poses, again)
 
 
 def _bridged(poses: PoseSolution, frames: np.ndarray, markers: np.ndarray, seen: np.ndarray) -> np.ndarray:
@@ -193,7 +198,7 @@ def _marker_sd(poses: PoseSolution, markers: np.ndarray, weight: np.ndarray, nv:
     trace(H (H + P)^-1) measurements, H = J^T J / noise^2: nv without a posture prior P.
     """
     used = weight > 0
-    if poses.prior.any():
+    if poses.prior is not None:
         seen = poses.information / noise**2
         eye = np.eye(nv) * 1e-9 * np.max(seen)
         taken = np.trace(np.linalg.solve(seen + poses.prior + eye, seen), axis1=1, axis2=2)

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from icjax.capture._posture import PosturePrior, no_prior, prior_normal_equations
+from icjax.capture._posture import PosturePrior, prior_normal_equations
 from icjax.capture._registration import start_coordinates
 from icjax.inference import covariance, least_squares
 from icjax.model import Model, frames, integrate, neutral, tree
@@ -32,7 +32,7 @@ class PoseSolution(NamedTuple):
     """Pose of every frame.
 
     - `q` [frame, nq]; `information` [frame, nv, nv]: J^T J with J = d(markers) / dq, 1/m2 (rad, m).
-    - `prior` [frame, nv, nv]: inverse covariance that a posture prior adds, 1 (rad, m); zero without one.
+    - `prior` [frame, nv, nv]: inverse covariance that a posture prior adds, 1 (rad, m); None without one.
     - `predicted` [frame, marker, 3]: markers on the model, m.
     - `rotations` [frame, marker, 3, 3]: of the body that carries each marker.
     - `body_rotations` [frame, body, 3, 3], `body_positions` [frame, body, 3]: world poses of all bodies.
@@ -41,7 +41,7 @@ class PoseSolution(NamedTuple):
 
     q: Float[np.ndarray, "frame nq"]
     information: Float[np.ndarray, "frame nv nv"]
-    prior: Float[np.ndarray, "frame nv nv"]
+    prior: Float[np.ndarray, "frame nv nv"] | None
     predicted: Float[np.ndarray, "frame marker 3"]
     rotations: Float[np.ndarray, "frame marker 3 3"]
     body_rotations: Float[np.ndarray, "frame body 3 3"]
@@ -69,7 +69,6 @@ def solve_poses(
     markers' places on their bodies away from the sites, m; `progress` is told the finished fraction; the residuals
     of `posture` are added to those of the markers.
     """
-    posture = posture or no_prior(model)
     weight = np.where(np.isfinite(markers).all(axis=-1), weight, 0.0)
     markers = np.nan_to_num(markers)
     places = np.asarray(model.site_position)[list(sites)]
@@ -87,7 +86,7 @@ def _spread_start(
     places: np.ndarray,
     markers: np.ndarray,
     weight: np.ndarray,
-    posture: PosturePrior,
+    posture: PosturePrior | None,
 ) -> np.ndarray:
     """Solutions of at most one block of frames spread over the trial, interpolated to all frames."""
     count = len(markers)
@@ -99,9 +98,10 @@ def _spread_start(
         rows = observed[: len(q)]
         return PoseSolution(*by_blocks(lambda *block: _compiled(model, sites, places, prior, *block), q, rows, w))
 
-    nothing = posture._replace(
-        **{name: np.zeros_like(getattr(posture, name)) for name in ("over_q", "over_v", "target", "limit")}
-    )
+    nothing = posture
+    if posture is not None:
+        blank = {name: np.zeros_like(getattr(posture, name)) for name in ("over_q", "over_v", "target", "limit")}
+        nothing = posture._replace(**blank)
     unmoved = solve(
         np.asarray(neutral(model))[None], np.zeros_like(weights[:1]), nothing
     )  # without weights nothing moves: the neutral poses
@@ -170,7 +170,7 @@ def _compiled(model: Model, sites: tuple[int, ...], places, posture, start, mark
         points = predicted(at)
         misfit = points - observed
         own = marker_normal_equations(model, bodies, at.twists, points, misfit, w)
-        return jax.tree.map(jnp.add, own, prior_normal_equations(model, posture, q))
+        return own if posture is None else jax.tree.map(jnp.add, own, prior_normal_equations(model, posture, q))
 
     solution = least_squares(
         None,
@@ -186,9 +186,10 @@ def _compiled(model: Model, sites: tuple[int, ...], places, posture, start, mark
     places_W, poses = jax.vmap(predicted)(at), jax.vmap(lambda at: at.bodies(model, every))(at)
     solved = jax.vmap(lambda item: item == RESULTS.solved)(solution.result)
 
-    known = jax.vmap(lambda q: prior_normal_equations(model, posture, q)[1])(q)
-    seen = solution.value.information - known
-    prior = known / posture.noise**2
+    seen, prior = solution.value.information, None
+    if posture is not None:
+        known = jax.vmap(lambda q: prior_normal_equations(model, posture, q)[1])(q)
+        seen, prior = seen - known, known / posture.noise**2
     return q, seen, prior, places_W, poses.rotation[:, bodies], poses.rotation, poses.position, solved
 
 
