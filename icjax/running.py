@@ -1,9 +1,12 @@
-"""Long scans in pieces: progress, cancellation, checkpoint and resume, one trace; rows filled up to share one."""
+"""Long scans in pieces: progress, cancellation, checkpoint and resume, one trace; rows filled up to share one; calls
+made by another process."""
 
 import hashlib
 import os
 import tempfile
 from collections.abc import Callable
+from concurrent.futures import BrokenExecutor, Executor
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -92,6 +95,27 @@ def run(
     if not pieces:
         pieces = [_empty(step, carry, inputs)]
     return Run(carry, _joined(numpy, pieces), done)
+
+
+class Later:
+    """A call made by another process where one is given, at once where not.
+
+    **Arguments**: `executor` or None; `function` and its `arguments`, which must be fit to be sent to a process.
+    """
+
+    def __init__(self, executor: Executor | None, function: Callable[..., Any], *arguments: Any, **keywords: Any):
+        self._call = partial(function, *arguments, **keywords)
+        self._future = None if executor is None else executor.submit(self._call)
+        self._value = self._call() if self._future is None else None
+
+    def result(self) -> Any:
+        """What the call returns or raises; made here if the other process has gone."""
+        if self._future is None:
+            return self._value
+        try:
+            return self._future.result()
+        except BrokenExecutor:
+            return self._call()
 
 
 def on_full_blocks(function: Callable[..., Any], *arrays: Any, block: int = 2048) -> Any:

@@ -61,6 +61,7 @@ class Demo:
         from icjax.estimation import estimate
         from icjax.laboratory import bump_under, load_truth, record, replay
         from icjax.report import Report
+        from icjax.running import Later
         from icjax.synthesis import transfer
 
         steps = Steps(6)
@@ -69,13 +70,17 @@ class Demo:
         metrics: dict[str, Any] = {"seed": self.seed, "data": "simulated (virtual capture studio, MuJoCo)"}
         with steps.step("record a virtual session") as progress:
             record(studio, seed=self.seed, trials=self.trials, contacts=self.contacts, progress=progress)
+        bump = bump_under(studio, TRIAL)
+        replays = {
+            "bump": Later(executor, replay, studio, TRIAL, bump=bump),
+            "slippery": Later(executor, replay, studio, TRIAL, friction=SLIPPERY),
+        }
         with steps.step("markers to joint angles, forces and contact events") as progress:
             session = capture(read_session(studio / "session.toml"), progress=progress)
             session.save(self.out / "recording.nc")
         with steps.step("compliance at contact and reference trajectory") as progress:
             interaction = next(item for item in estimate(session, progress=progress) if item.name == TRIAL)
             interaction.save(self.out / "interaction.nc")
-        bump = bump_under(studio, TRIAL)
         truth = {"flat": load_truth(studio / "truth" / f"{TRIAL}.npz")}
         metrics["capture"] = judge_capture(session, studio / "truth")
         metrics["estimate"] = judge_estimate(interaction, truth["flat"])
@@ -90,8 +95,7 @@ class Demo:
                 rollouts[name].save(self.out / f"rollout_{name}.nc")
                 report.transferred(rollouts[name])
         with steps.step("compare with the virtual subject on the same surfaces") as progress:
-            truth["bump"] = replay(studio, TRIAL, bump=bump)
-            truth["slippery"] = replay(studio, TRIAL, friction=SLIPPERY)
+            truth |= {name: later.result() for name, later in replays.items()}
             metrics["transfer"] = {name: judge_transfer(rollouts[name], truth[name]) for name in scenes}
             progress(1.0)
             metrics["seconds"] = {title: round(value, 2) for title, value in steps.seconds.items()}

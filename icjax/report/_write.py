@@ -4,8 +4,7 @@ import os
 import platform
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Executor
-from functools import partial
+from concurrent.futures import Executor
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from icjax.report._page import note, page, paragraph, text, tiles
 from icjax.report._sections import forces, motion, provenance, rollout_table, scene, shown_first, view_page
 from icjax.report._summary import cautions, is_simulated, key_figures, lead
 from icjax.rollout import Rollout
+from icjax.running import Later
 from icjax.view import scene_name
 
 PACKAGES = ("icjax", "jax", "equinox", "numpy", "scipy", "mujoco-core", "viser", "matplotlib")
@@ -80,8 +80,8 @@ class Report:
         self._interactions: tuple[Interaction, ...] = ()
         self._rollouts: tuple[Rollout, ...] = ()
         self._name: str | None = None
-        self._views: list[tuple[str, _Drawn]] = []
-        self._sections: list[_Drawn] = []
+        self._views: list[tuple[str, Later]] = []
+        self._sections: list[Later] = []
 
     def measured(
         self,
@@ -141,26 +141,8 @@ class Report:
         title = title or f"Interaction capture: {name}"
         return _write(Path(path), page(title, name, header, sections, footer, script))
 
-    def _drawn(self, draw: Callable[..., Any], *records: Any) -> "_Drawn":
-        return _Drawn(draw, records, self._executor)
-
-
-class _Drawn:
-    """What a function draws, here and now or in another process."""
-
-    def __init__(self, draw: Callable[..., Any], records: tuple[Any, ...], executor: Executor | None):
-        self._again = partial(draw, *records)
-        self._future = None if executor is None else executor.submit(draw, *records)
-        self._value = self._again() if self._future is None else None
-
-    def result(self) -> Any:
-        """The drawing; made here if the other process has gone."""
-        if self._future is None:
-            return self._value
-        try:
-            return self._future.result()
-        except BrokenExecutor:
-            return self._again()
+    def _drawn(self, draw: Callable[..., Any], *records: Any) -> Later:
+        return Later(self._executor, draw, *records)
 
 
 def installed_versions() -> dict[str, str]:
