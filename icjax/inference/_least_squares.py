@@ -20,7 +20,7 @@ class Fit(eqx.Module):
     **Fields**
 
     - `value` [problem, n]: the parameters.
-    - `cost` [problem]: |r(value)|^2.
+    - `cost` [problem]: `|r(value)|^2`.
     - `information` [problem, nv, nv]: J^T J at the value, J = d r(retract(value, dx)) / d dx at dx = 0.
     """
 
