@@ -59,6 +59,7 @@ class Demo:
         from icjax.cli._judge import judge_capture, judge_estimate, judge_transfer
         from icjax.cli._output import Steps
         from icjax.estimation import estimate
+        from icjax.files import save_record
         from icjax.laboratory import bump_under, load_truth, record, replay
         from icjax.report import Report
         from icjax.running import Later
@@ -77,14 +78,15 @@ class Demo:
         }
         with steps.step("markers to joint angles, forces and contact events") as progress:
             session = capture(read_session(studio / "session.toml"), progress=progress)
-            session.save(self.out / "recording.nc")
+            saved = [Later(executor, save_record, self.out / "recording.nc", session)]
         with steps.step("compliance at contact and reference trajectory") as progress:
-            interaction = next(item for item in estimate(session, progress=progress) if item.name == TRIAL)
-            interaction.save(self.out / "interaction.nc")
+            interactions = estimate(session, progress=progress)
+            interaction = next(item for item in interactions if item.name == TRIAL)
+            saved.append(Later(executor, save_record, self.out / "interaction.nc", interaction))
         truth = {"flat": load_truth(studio / "truth" / f"{TRIAL}.npz")}
         metrics["capture"] = judge_capture(session, studio / "truth")
         metrics["estimate"] = judge_estimate(interaction, truth["flat"])
-        report.measured(session, (interaction,), metrics)
+        report.measured(session, interactions, metrics)
         scenes = _scenes(bump, float(interaction.friction or 0.0))
         rollouts = {}
         with steps.step("transfer to a flat plate, a bump and a slippery plate") as progress:
@@ -101,6 +103,8 @@ class Demo:
             metrics["seconds"] = {title: round(value, 2) for title, value in steps.seconds.items()}
             (self.out / "metrics.json").write_text(json.dumps(metrics, indent=1) + "\n")
         with steps.step("report"):
+            for later in saved:
+                later.result()
             page = report.write(self.out / "report.html", metrics=metrics, seed=self.seed, simulated=True)
         return interaction, metrics, page
 

@@ -13,7 +13,7 @@ from icjax.cli._main import configure_jax
 def helper() -> Iterator[Executor | None]:
     """A process that imports what drawing needs, seconds of work, while the caller computes; None on a single core.
 
-    It is ended at once when the caller fails.
+    What the caller wants of it must be fetched before the end: then it is ended at once, as when the caller fails.
     """
     if len(os.sched_getaffinity(0)) < 2 if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1) < 2:
         yield None
@@ -22,11 +22,9 @@ def helper() -> Iterator[Executor | None]:
     try:
         executor.submit(_prepare)
         yield executor
-    except BaseException:
+    finally:
         for process in multiprocessing.active_children():
             process.terminate()
-        raise
-    finally:
         executor.shutdown(cancel_futures=True)
 
 
