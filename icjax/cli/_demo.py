@@ -40,9 +40,11 @@ class Demo:
     def run(self) -> None:
         from icjax.cli._estimate import summary_text
         from icjax.cli._helper import helper
+        from icjax.cli._main import configure_jax
 
         start = time.perf_counter()
         with helper() as executor:
+            configure_jax()
             interaction, metrics, page = self._main_job(executor)
         print(summary_text(interaction))
         true = {joint: figures["true_compliance"] for joint, figures in metrics["estimate"].items()}

@@ -52,7 +52,8 @@ def main(arguments: list[str] | None = None) -> int:
         VERBS, prog="icjax", description=DESCRIPTION, args=arguments or ["--help"]
     )
     try:
-        configure_jax()
+        if not isinstance(verb, Demo):  # which starts a second process before the seconds that importing JAX takes
+            configure_jax()
         verb.run()
     except (ValueError, OSError, ImportError) as error:
         if os.environ.get("ICJAX_DEBUG"):
