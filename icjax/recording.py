@@ -82,6 +82,12 @@ class Recording(eqx.Module):
         doc="standard deviation of the contact point along the surface; NaN without contact",
     )
 
+    def __check_init__(self):
+        """**Errors**: `ValueError` for a text field that holds none."""
+        for field in ("name", "role", "provenance"):
+            if not isinstance(getattr(self, field), str):
+                raise ValueError(f"recording: {field} is {getattr(self, field)!r}, not text")
+
     @property
     def normal_only(self) -> tuple[str, ...]:
         """Names of the contacts whose instrument measures no tangential force."""

@@ -1,11 +1,11 @@
 """Long scans in pieces: progress, cancellation, checkpoint and resume, one trace; rows filled up to share one; calls
-made by another process."""
+made by other processes."""
 
 import hashlib
 import os
 import tempfile
-from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, Executor
+from collections.abc import Callable, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -116,6 +116,52 @@ class Later:
             return self._future.result()
         except BrokenExecutor:
             return self._call()
+
+
+def share_out(
+    executor: Executor | None,
+    function: Callable[..., Any],
+    items: Sequence[Any],
+    progress: Callable[[float], Any] | None = None,
+) -> list[Any]:
+    """`[function(item) for item in items]`, by the other processes from the front and by this one from the back.
+
+    **Arguments**: `executor` of the other processes or None; `function(item, progress=None)`, fit to be sent to a
+    process, as are the items and what it returns; its `progress` is told the finished fraction of one item; `progress`
+    is told that of all, 0 to 1.
+
+    **Errors**: what `function` raises; the items that nobody has begun are then left.
+    """
+    told = progress or (lambda fraction: None)
+    if executor is None:
+        return [
+            function(item, progress=lambda part, index=index: told((index + part) / len(items)))
+            for index, item in enumerate(items)
+        ]
+    futures: list[Future] = [executor.submit(function, item) for item in items]
+    own: dict[int, Any] = {}
+
+    def done(part: float = 0.0) -> None:
+        elsewhere = sum(future.done() and not future.cancelled() for future in futures)
+        told(min(1.0, (len(own) + elsewhere + part) / len(items)))
+
+    try:
+        for index in reversed(range(len(items))):
+            if futures[index].cancel():
+                own[index] = function(items[index], progress=done)
+                done()
+        for index, future in enumerate(futures):
+            if index not in own:
+                try:
+                    own[index] = future.result()
+                except BrokenExecutor:
+                    own[index] = function(items[index])
+                done()
+    except BaseException:
+        for future in futures:
+            future.cancel()
+        raise
+    return [own[index] for index in range(len(items))]
 
 
 def on_full_blocks(function: Callable[..., Any], *arrays: Any, block: int = 2048) -> Any:

@@ -1,12 +1,16 @@
 """Chunked scans equal plain scans, trace once, report, stop and resume."""
 
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from pathlib import Path
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from icjax.running import run
+from icjax.files import FileError
+from icjax.running import run, share_out
 
 
 class Accumulate(eqx.Module):
@@ -109,3 +113,45 @@ def test_bad_checkpoints_and_inputs(tmp_path):
         run(step, carry, xs, chunk=0)
     with pytest.raises(ValueError, match="one leading axis"):
         run(step, carry, (xs, xs[:3]))
+
+
+def double(item, progress=None):
+    if progress is not None:
+        progress(0.5)
+    if item == "bad":
+        raise FileError(Path("a.toml"), "is bad")
+    return 2 * item
+
+
+class Gone(Executor):
+    """An executor whose processes die: nothing that it began comes back."""
+
+    def submit(self, function, /, *arguments, **keywords):
+        future = Future()
+        future.set_running_or_notify_cancel()
+        future.set_exception(BrokenExecutor("gone"))
+        return future
+
+
+@pytest.mark.parametrize("executor", [None, ThreadPoolExecutor(1), Gone()])
+def test_shared_work_comes_back_in_order_with_rising_progress(executor):
+    seen = []
+    assert share_out(executor, double, list(range(7)), seen.append) == [2 * item for item in range(7)]
+    assert seen[-1] == pytest.approx(1.0) or executor is None
+    assert seen == sorted(seen)
+
+
+@pytest.mark.parametrize("executor", [None, ThreadPoolExecutor(1)])
+@pytest.mark.parametrize("place", [0, 3])
+def test_an_error_of_shared_work_is_raised_here(executor, place):
+    items = [1, 2, 3, 4]
+    items[place] = "bad"
+    with pytest.raises(FileError, match="a.toml: is bad"):
+        share_out(executor, double, items)
+
+
+def test_a_file_error_survives_the_way_between_processes():
+    import pickle
+
+    error = pickle.loads(pickle.dumps(FileError("a.toml", "is bad")))
+    assert (type(error), str(error), error.path) == (FileError, "a.toml: is bad", "a.toml")

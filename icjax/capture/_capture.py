@@ -4,6 +4,8 @@ import dataclasses
 import importlib.metadata
 import json
 from collections.abc import Callable
+from concurrent.futures import Executor
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +20,7 @@ from icjax.capture._sensors import sensor_wrench
 from icjax.capture._spec import SessionSpec, TrialSpec
 from icjax.files import FileError, MotionFile
 from icjax.recording import NORMAL_ONLY, ContactEvents, Recording, Session
+from icjax.running import share_out
 
 FARTHEST = 1e3
 """m; no laboratory is larger."""
@@ -27,7 +30,10 @@ CALIBRATION_SHARE = 0.2
 
 
 def capture(
-    spec: SessionSpec, progress: Callable[[float], object] | None = None, trials: tuple[str, ...] | None = None
+    spec: SessionSpec,
+    progress: Callable[[float], object] | None = None,
+    trials: tuple[str, ...] | None = None,
+    executor: Executor | None = None,
 ) -> Session:
     """Read, calibrate and synchronise every trial of a session and solve its joint angles, contacts and events.
 
@@ -37,7 +43,7 @@ def capture(
     calibrated first (`calibrate_model`), and every recording has the calibrated one.
 
     **Arguments**: `spec` from `read_session`; `progress` is told the finished fraction of the session; `trials` names
-    those wanted, default all.
+    those wanted, default all; `executor` of processes that share the trials (their JAX configured as here).
 
     **Errors**: `FileError`, one line, for every file or session entry that cannot be used.
     """
@@ -56,13 +62,8 @@ def capture(
         share = CALIBRATION_SHARE
         calibration = calibrate_session(spec, lambda fraction: told_of(share * fraction))
         spec = dataclasses.replace(spec, model=calibration.model)
-    recordings = []
-    for index, trial in enumerate(wanted):
-
-        def told(fraction: float, index: int = index) -> None:
-            told_of(share + (1.0 - share) * (index + fraction) / len(wanted))
-
-        recordings.append(capture_trial(spec, trial, told, calibration))
+    solve = partial(capture_trial, spec, calibration=calibration)
+    recordings = share_out(executor, solve, wanted, lambda fraction: told_of(share + (1.0 - share) * fraction))
     return Session(name=spec.name, subject=spec.subject, recordings=tuple(recordings))
 
 
@@ -114,7 +115,7 @@ def capture_trial(
         model=spec.model,
         time=time,
         q=angles.q,
-        q_covariance=angles.covariance.astype(np.float32),  # most of a record: a standard deviation to 1e-7
+        q_covariance=angles.covariance.astype(np.float32),
         q_offset_sd=angles.offset_sd,
         valid=angles.valid,
         contact_names=contacts.names,

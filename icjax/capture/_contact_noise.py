@@ -3,16 +3,25 @@
 import numpy as np
 from jaxtyping import Float
 
+from icjax.capture._contact_point import centre_of_pressure
 from icjax.capture._filters import HIGHEST_CUTOFF, lowpass
 from icjax.capture._sensors import SensorWrench
 
 
-def moment_noise(sensor: SensorWrench, cutoff: float) -> float:
-    """Standard deviation of the filtered moment about the surface's point, Nm; zero if nothing was tared."""
+def moment_noise(sensor: SensorWrench, cutoff: float, loaded: Float[np.ndarray, "frame 6"]) -> float:
+    """Standard deviation of the filtered moment about the place of contact, Nm; zero if nothing was tared.
+
+    About any other point the noise of the force would enter with its distance. The place is the centre of pressure of
+    the mean `loaded` wrench (about the world origin, Nm and N); on a surface that moves, the surface's point.
+    """
     if sensor.surface is None or sensor.unloaded.sum() <= 10:
         return 0.0
-    about = sensor.wrench[:, :3] - np.cross(np.array(sensor.surface.point)[None, :], sensor.wrench[:, 3:])
-    return _noise(about, sensor, cutoff)
+    place = np.array(sensor.surface.point)
+    if len(loaded) and sensor.carrier is None:
+        mean = np.nanmean(loaded, axis=0)
+        found = centre_of_pressure(mean[None, :3], mean[None, 3:], sensor.surface)[0][0]
+        place = found if np.isfinite(found).all() else place
+    return _noise(sensor.wrench[:, :3] - np.cross(place[None, :], sensor.wrench[:, 3:]), sensor, cutoff)
 
 
 def force_noise(sensor: SensorWrench, cutoff: float) -> float:

@@ -86,9 +86,12 @@ def trial_contacts(
                     touching[:, index] = on & np.isfinite(contact.point).all(axis=1)
                     point_sd[touching[:, index], index] = spec.contact.point_sd
                     continue
-                noise = moment_noise(sensor, spec.filter.forces)
+                noise = moment_noise(sensor, spec.filter.forces, wrench[on])
                 least = max(course.onset, noise / spec.contact.point_sd)
                 thresholds[sensor.name]["centre_of_pressure_above"] = least
+                if sensor.surface is not None and on.any():
+                    used = wrench[on, 3:] @ np.array(sensor.surface.normal) >= least
+                    thresholds[sensor.name]["centre_of_pressure_share"] = float(np.mean(used))
                 centre, radius = _pad(spec.model, target, angles)
                 point[:, index], moment[:, index] = _points(sensor, wrench, on, centre, radius, least)
                 force[:, index] = np.where(on[:, None], wrench[:, 3:], 0.0)

@@ -84,6 +84,9 @@ def _curve(table: Table, motion: MotionFile, shared: Reference | None) -> Curve:
     unloaded = _inside(time, reference.tare)
     if unloaded.sum() < 20:
         raise table.error(f"the tare of its reference holds {unloaded.sum()} samples; it needs 20")
+    missing = unloaded & ~np.isfinite(values).all(axis=1)
+    if missing.any():
+        raise table.error(f"the tare of its reference holds no number at {time[missing][0]:g} s")
     values = values - values[unloaded].mean(axis=0)
     force = values[:, 0] if values.shape[1] == 1 else np.linalg.norm(values, axis=1)
     used = np.isfinite(voltage) & np.isfinite(force)

@@ -1,6 +1,7 @@
 """Force of a film sensor from its voltage: a monotone curve, fitted against a reference sensor."""
 
 import dataclasses
+import json
 from pathlib import Path
 
 import numpy as np
@@ -151,7 +152,7 @@ def curves_text(curves: tuple[Curve, ...], title: str) -> str:
         lines += [
             "",
             "[[curve]]",
-            f'channel = "{curve.channel}"',
+            f"channel = {json.dumps(curve.channel)}",
             f"voltage = {[float(f'{value:.8g}') for value in curve.voltage]}",
             f"force = {[float(f'{value:.8g}') for value in curve.force]}",
         ]

@@ -107,7 +107,7 @@ def joint_angles(
     return JointAngles(
         q=second.q,
         covariance=covariance,
-        offset_covariance=offsets.mean(axis=0),
+        offset_covariance=offsets.astype(float).mean(axis=0),
         valid=usable,
         residual=np.where(seen, np.linalg.norm(markers - on_sites, axis=-1), np.nan),
         body_rotations=second.body_rotations,

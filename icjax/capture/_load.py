@@ -76,7 +76,7 @@ def load_trial(spec: SessionSpec, trial: TrialSpec) -> MotionFile:
             raise FileError(
                 spec.path,
                 f"[filter] key '{key}': {cutoff:g} Hz is too high for the {rate:g} Hz of trial '{trial.name}'; "
-                f"at most {HIGHEST_CUTOFF * rate:g} Hz",
+                f"at most {np.floor(HIGHEST_CUTOFF * rate):g} Hz",
             )
     return motion
 

@@ -21,8 +21,10 @@ BLOCK = 512
 """Frames solved by one compiled call; trials of every length share its compilation."""
 
 NEAR = 1e-6
-"""rad or m; a step below it ends the search: the next one would be a thousand times shorter (without a posture prior,
-whose residuals stay at the solution and make the convergence slower, far shorter still)."""
+"""rad or m: error that the search may leave; most frames end a hundred times closer."""
+
+FAR_START, NEAR_START = 1e-3, 1e-6
+"""First damping of the search from a registration of the root, and from the solution of frames nearby."""
 
 WIDEST = 10.0
 """rad or m: what an undetermined coordinate's standard deviation is set to."""
@@ -76,7 +78,7 @@ def solve_poses(
         places = places + shift
     if start is None:
         start = _spread_start(model, sites, places, markers, weight, posture)
-    solve = partial(_compiled, model, sites, places, posture)
+    solve = partial(_compiled, model, sites, places, posture, np.asarray(NEAR_START))
     return PoseSolution(*by_blocks(solve, start, markers, weight, progress=progress))
 
 
@@ -96,7 +98,8 @@ def _spread_start(
 
     def solve(q, w, prior=posture):
         rows = observed[: len(q)]
-        return PoseSolution(*by_blocks(lambda *block: _compiled(model, sites, places, prior, *block), q, rows, w))
+        solve = partial(_compiled, model, sites, places, prior, np.asarray(FAR_START))
+        return PoseSolution(*by_blocks(solve, q, rows, w))
 
     nothing = posture
     if posture is not None:
@@ -154,7 +157,7 @@ def _padded(array: np.ndarray, length: int) -> np.ndarray:
 
 
 @eqx.filter_jit
-def _compiled(model: Model, sites: tuple[int, ...], places, posture, start, markers, weight):
+def _compiled(model: Model, sites: tuple[int, ...], places, posture, damping, start, markers, weight):
     bodies = np.asarray(model.site_bodies)[list(sites)]
     places = jnp.asarray(places)
 
@@ -180,6 +183,7 @@ def _compiled(model: Model, sites: tuple[int, ...], places, posture, start, mark
         retract=lambda q, dq: integrate(model, q, dq),
         normal_equations=normal_equations,
         tolerance=NEAR,
+        damping=damping,
     )
     q = solution.value.value
     at = jax.vmap(lambda q: frames(model, q))(q)
@@ -244,10 +248,17 @@ def pose_covariance(
 
     **Arguments**: `prior` P, the inverse covariance of a posture prior, default none.
 
-    **Returns** the covariance (rad2, m2) and which frames determine every coordinate.
+    **Returns** the covariance (rad2, m2, in single precision: a standard deviation to 1e-7) and which frames determine
+    every coordinate.
     """
-    total = information / sd**2 if prior is None else information / sd**2 + prior
-    return by_blocks(lambda block: covariance(block, np.float64(1.0), WIDEST), total)
+    rows = (information,) if prior is None else (information, prior)
+    return by_blocks(partial(_covariance, np.float64(sd) ** 2), *rows)
+
+
+@jax.jit
+def _covariance(variance, information, prior=0.0):
+    found, determined = covariance(information / variance + prior, 1.0, WIDEST)
+    return found.astype(jnp.float32), determined
 
 
 def by_blocks(

@@ -16,6 +16,9 @@ from icjax.recording import NORMAL_ONLY, ROLES
 PLACEMENT_SD = 0.001
 """m; how well a marker sits on its site where the session does not say: one millimetre."""
 
+SHORTEST_PERIOD = 0.001
+"""s; of synchronisation pulses."""
+
 LEAST_CUTOFF = 0.1
 """Hz; a lower cut-off leaves nothing of a movement."""
 
@@ -174,7 +177,7 @@ def _clock(table: Table | None, sources: tuple[SourceSpec, ...]) -> ClockSpec | 
     standard = ClockSpec()
     spec = ClockSpec(
         sync=table.text("sync", None),
-        period=table.number("period", None, above=0.0),
+        period=table.number("period", None, above=SHORTEST_PERIOD),
         start=table.number("start", standard.start),
         marker_sync=table.text("marker_sync", None),
         correlate=table.choice("correlate", [item.name for item in sources], None),

@@ -6,6 +6,9 @@ from typing import Annotated
 
 import tyro
 
+LARGE_RESIDUAL = 0.2
+"""Of the range; film sensors with their hysteresis stay below half of it."""
+
 
 @dataclass(frozen=True)
 class Calibrate:
@@ -29,5 +32,11 @@ class Calibrate:
             print(
                 f"{curve.channel:16s} {curve.force[-1]:9.3g} {curve.residual_sd:11.3g} {hysteresis:>16s} {drift:>18s}"
             )
+        for curve in curves:
+            if curve.residual_sd > LARGE_RESIDUAL * curve.force[-1]:
+                print(
+                    f"suspicious: {curve.channel}: the residual is {curve.residual_sd / curve.force[-1]:.0%} of the range: "
+                    "is it the sensor that was pressed, at the same time, below saturation?"
+                )
         write_curves(self.out, curves, self.calibration.name)
         print(f"wrote {self.out}")

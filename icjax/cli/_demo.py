@@ -39,11 +39,11 @@ class Demo:
 
     def run(self) -> None:
         from icjax.cli._estimate import summary_text
-        from icjax.cli._helper import helper
+        from icjax.cli._helper import helper, import_drawing
         from icjax.cli._main import configure_jax
 
         start = time.perf_counter()
-        with helper() as executor:
+        with helper(import_drawing) as executor:
             configure_jax()
             interaction, metrics, page = self._main_job(executor)
         print(summary_text(interaction))

@@ -31,11 +31,15 @@ class Estimate:
     """Also print why each estimate was accepted or not, and whether it depends on windows and degree."""
 
     def run(self) -> None:
+        from icjax.capture import check_recording
         from icjax.cli._output import Steps
         from icjax.estimation import EstimationOptions, estimate
         from icjax.recording import Session
 
         session = Session.load(self.recording)
+        errors = [line for line in check_recording(session) if line.startswith("error: ")]
+        if errors:
+            raise ValueError(f"{self.recording} is unusable: {errors[0].removeprefix('error: ')}")
         options = EstimationOptions(window_before=self.window, window_after=self.window, degree=self.degree)
         steps = Steps(1 + self.explain)
         with steps.step("compliance at contact and reference trajectory") as progress:

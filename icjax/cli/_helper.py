@@ -1,8 +1,8 @@
-"""A second process for what the first one need not wait for."""
+"""A second process for what the first one need not wait for, or may share."""
 
 import multiprocessing
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 
@@ -10,26 +10,31 @@ from icjax.cli._main import configure_jax
 
 
 @contextmanager
-def helper() -> Iterator[Executor | None]:
-    """A process that imports what drawing needs, seconds of work, while the caller computes; None on a single core.
+def helper(prepare: Callable[[], object] | None = None) -> Iterator[Executor | None]:
+    """A process that works while the caller computes; None on a single core.
 
     What the caller wants of it must be fetched before the end: then it is ended at once, as when the caller fails.
+
+    **Arguments**: `prepare` is called in it first, after JAX is configured: imports, seconds of work.
     """
     if len(os.sched_getaffinity(0)) < 2 if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1) < 2:
         yield None
         return
-    executor = ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"))
+    others = set(multiprocessing.active_children())
+    context = multiprocessing.get_context("spawn")
+    executor = ProcessPoolExecutor(1, mp_context=context, initializer=configure_jax)
     try:
-        executor.submit(_prepare)
+        if prepare is not None:
+            executor.submit(prepare)
         yield executor
     finally:
-        for process in multiprocessing.active_children():
+        for process in set(multiprocessing.active_children()) - others:
             process.terminate()
         executor.shutdown(cancel_futures=True)
 
 
-def _prepare() -> None:
-    configure_jax()
+def import_drawing() -> None:
+    """Import what the report needs."""
     import matplotlib.backends.backend_svg
     import viser
 

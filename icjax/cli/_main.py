@@ -55,7 +55,7 @@ def main(arguments: list[str] | None = None) -> int:
         if not isinstance(verb, Demo):  # which starts a second process before the seconds that importing JAX takes
             configure_jax()
         verb.run()
-    except (ValueError, OSError, ImportError) as error:
+    except (ValueError, OSError, ImportError, MemoryError) as error:
         if os.environ.get("ICJAX_DEBUG"):
             raise
         print(f"icjax: {_one_line(error)}", file=sys.stderr)

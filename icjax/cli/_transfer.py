@@ -10,6 +10,9 @@ import tyro
 MOST_FAILED = 0.5
 """A rollout of which more is unsolved says nothing."""
 
+LARGEST_BUMP = 0.2
+"""m; a larger one was meant in mm. A scene file takes any."""
+
 LONGEST_STEP = 0.02
 """s; ten times the usual step."""
 
@@ -47,13 +50,14 @@ class Transfer:
 
         from icjax.cli._output import Steps
         from icjax.interaction import Interaction
-        from icjax.synthesis import read_scene, transfer
+        from icjax.synthesis import check_rollout, read_scene, transfer
 
         interaction = Interaction.load(self.interaction)
         if self.scene:
             self._refuse_surface_options()
             scene = read_scene(self.scene)
         else:
+            self._refuse_bump_options()
             scene = self._scene(interaction)
         if scene.step > LONGEST_STEP:
             raise ValueError(f"step {scene.step:g} s is longer than {LONGEST_STEP} s; a contact would be stepped over")
@@ -65,6 +69,9 @@ class Transfer:
         path = self.out or self.interaction.parent / f"rollout_{scene.name}.nc"
         rollout.save(path)
         print(rollout_text(rollout))
+        for line in check_rollout(rollout):
+            if line.startswith(("suspicious: ", "error: ")):
+                print(line)
         print(f"wrote {path}")
 
     def _scene(self, interaction):
@@ -86,6 +93,18 @@ class Transfer:
             bump_radii=(self.bump_length / 2, BUMP_HALF_WIDTH, self.bump_height),
             step=self.step,
         )
+
+    def _refuse_bump_options(self) -> None:
+        for field in dataclasses.fields(self):
+            given = field.name.startswith("bump_") and getattr(self, field.name) != field.default
+            if given and self.surface != "bump":
+                raise ValueError(f"--{field.name.replace('_', '-')} needs --surface bump")
+        for name in ("bump_height", "bump_length"):
+            if not 0 < getattr(self, name) <= LARGEST_BUMP:
+                option = name.replace("_", "-")
+                raise ValueError(
+                    f"--{option} is {getattr(self, name):g} m; it must be above 0 and at most {LARGEST_BUMP} m"
+                )
 
     def _refuse_surface_options(self) -> None:
         for field in dataclasses.fields(self):

@@ -48,6 +48,12 @@ def read_csv(path: str | os.PathLike, columns: Mapping[str, Any] | None = None) 
     header = [cell.strip() for cell in next(csv.reader([lines[first]], delimiter=separator))]
     table = number_rows(path, list(enumerate(lines[first + 1 :], first + 2)), separator, len(header))
 
+    twice = sorted({name for name in header if name and header.count(name) > 1})
+    if twice:
+        raise FileError(path, f"has the column '{twice[0]}' twice")
+    if any(_is_number(name) for name in header):
+        raise FileError(path, f"line {first + 1} must name the columns, it holds numbers")
+
     def column(name: str) -> np.ndarray:
         if name not in header:
             raise FileError(path, f"has no column '{name}' (it has {', '.join(header[:12])} ...)")
@@ -96,6 +102,14 @@ def read_csv(path: str | os.PathLike, columns: Mapping[str, Any] | None = None) 
         metadata={"columns": tuple(header)},
         notes=notes + spacing_notes(time),
     )
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _triples(header: list[str]) -> dict[str, list[str]]:

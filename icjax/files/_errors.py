@@ -13,3 +13,6 @@ class FileError(ValueError):
         self.path = os.fspath(path)
         self.message = message
         super().__init__(f"{self.path}: {message}")
+
+    def __reduce__(self):  # so that it comes back from another process
+        return FileError, (self.path, self.message)

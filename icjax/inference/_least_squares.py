@@ -10,8 +10,8 @@ import jax.numpy as jnp
 from icjax.results import RESULTS, Solution
 from icjax.typing import Bool, Float, Real
 
-DAMPING = (1e-3, 1e-12, 1e12)
-"""First, smallest and largest damping, relative to the diagonal of J^T J."""
+DAMPING = (1e-12, 1e12)
+"""Smallest and largest damping, relative to the diagonal of J^T J."""
 
 
 class Fit(eqx.Module):
@@ -20,8 +20,9 @@ class Fit(eqx.Module):
     **Fields**
 
     - `value` [problem, n]: the parameters.
-    - `cost` [problem]: `|r(value)|^2`.
-    - `information` [problem, nv, nv]: J^T J at the value, J = d r(retract(value, dx)) / d dx at dx = 0.
+    - `cost` [problem]: `|r(value)|^2`, as the last linearisation has it.
+    - `information` [problem, nv, nv]: J^T J, J = d r(retract(x, dx)) / d dx at dx = 0, where the last step started,
+      one step before the value.
     """
 
     value: Float[Real, "problem n"]
@@ -36,7 +37,7 @@ class _State(NamedTuple):
     gradient: jax.Array
     damping: jax.Array
     trial: jax.Array
-    small: jax.Array
+    size: jax.Array
     done: jax.Array
     step: jax.Array
 
@@ -50,13 +51,15 @@ def least_squares(
     retract: Callable[[Any, Any], Any] = lambda x, dx: x + dx,
     normal_equations: Callable[[Any, Any], tuple[Any, Any, Any]] | None = None,
     tolerance: float | None = None,
+    damping: Any = 1e-3,
     max_steps: int = 40,
 ) -> Solution[Fit]:
     """Minimise `|r(x, d)|^2` for every problem of a batch, on the manifold that `retract` describes.
 
     Each step solves (J^T J + lambda diag J^T J) dx = -J^T r and goes to x' = retract(x, dx) if that lowers the
-    cost; lambda falls or rises tenfold. A problem is finished when its step is below the tolerance in every
-    coordinate. Directions that the data do not see (a masked marker, say) stay where they started.
+    cost; lambda falls or rises tenfold. Successive steps of sizes d' and d, shrinking by rho = d / d', leave an error of
+    about d rho / (1 - rho): a problem is finished with the step that leaves less than the tolerance, and takes it.
+    Directions that the data do not see (a masked marker, say) stay where they started.
 
     The loop runs over the batch as a whole: finished problems keep their value and the loop ends with the slowest.
     `optimistix.LevenbergMarquardt` under `vmap` gives the same angles to 1e-8 rad on 3 361 frames of 16 markers
@@ -73,13 +76,14 @@ def least_squares(
     - `normal_equations`: (x [n], d) -> r^T r, J^T J [nv, nv] and J^T r [nv], J = d r(retract(x, dx), d) / d dx at
       dx = 0, where they can be had for less than through J; then `residual` may be None. By default J comes from
       forward mode through `residual` and `retract`.
-    - `tolerance`: of a step, in the units of dx; default the square root of the machine epsilon, 1.5e-8 in
-      float64 (the steps converge quadratically, what is left is far smaller). `max_steps`: of the loop.
+    - `tolerance`: of the error that is left, in the units of dx; default the square root of the machine epsilon,
+      1.5e-8 in float64. `damping`: the first lambda, small where the start is good. `max_steps`: of the loop.
 
     **Returns** a `Solution` of a `Fit`; `result` for each problem; `stats` has `steps` and `residual`, the largest
-    entry of `|J^T r|` in units of `|r| |J|` (zero at a minimum).
+    entry of `|J^T r|` in units of `|r| |J|` (zero at a minimum), as the last linearisation has it.
 
-    **Source**: Marquardt (1963), J. SIAM 11, 431.
+    **Source**: Marquardt (1963), J. SIAM 11, 431; the end as in Hairer and Wanner, Solving ordinary differential
+    equations II, IV.8 (1996).
     """
     start = jnp.asarray(start)
     zero = jnp.zeros(nv, start.dtype)
@@ -92,31 +96,34 @@ def least_squares(
     def advance(state: _State) -> _State:
         cost, H, g = jax.vmap(linearised)(state.trial, data)
         better = ((cost <= state.cost) | (state.step == 0)) & ~state.done
-        first, least, most = DAMPING
-        damping = jnp.clip(jnp.where(better, state.damping / 10, state.damping * 10), least, most)
+        damping = jnp.clip(jnp.where(better, state.damping / 10, state.damping * 10), *DAMPING)
         value = _chosen(better, state.trial, state.value)
         cost, H, g = (_chosen(better, new, old) for new, old in zip((cost, H, g), state[1:4], strict=True))
         diagonal = jnp.einsum("bii->bi", H)
         floor = jnp.max(diagonal, axis=1, keepdims=True) * eps + tiny
         damped = H + (damping[:, None] * diagonal + floor)[:, :, None] * eye[None]
         dx = -jax.scipy.linalg.cho_solve((jnp.linalg.cholesky(damped), True), g[:, :, None])[:, :, 0]
+        trial, size = jax.vmap(retract)(value, dx), jnp.max(jnp.abs(dx), axis=1)
+        shrinking = better & (state.step > 0) & (size < state.size)
+        small = (size < smallest) | (shrinking & (size**2 < smallest * (state.size - size)))
+        last = small & ~state.done
+        Hdx = jnp.einsum("bij,bj->bi", H, dx)
         return _State(
-            value=value,
-            cost=cost,
+            value=_chosen(last, trial, value),
+            cost=jnp.where(last, jnp.maximum(cost + jnp.sum((2 * g + Hdx) * dx, axis=1), 0.0), cost),
             information=H,
-            gradient=g,
+            gradient=_chosen(last, g + Hdx, g),
             damping=damping,
-            trial=jax.vmap(retract)(value, dx),
-            small=jnp.max(jnp.abs(dx), axis=1) < smallest,
-            done=state.done | state.small,
+            trial=trial,
+            size=jnp.where(state.done, state.size, size),
+            done=state.done | small,
             step=state.step + 1,
         )
 
     count = start.shape[0]
-    none = jnp.zeros(count, bool)
-    damping = jnp.full(count, 10 * DAMPING[0], start.dtype)
+    none = jnp.zeros(count, start.dtype)
     H, g = jnp.zeros((count, nv, nv), start.dtype), jnp.zeros((count, nv), start.dtype)
-    state = _State(start, jnp.zeros_like(damping), H, g, damping, start, none, none, jnp.zeros((), jnp.int32))
+    state = _State(start, none, H, g, none + 10 * damping, start, none, none > 0, jnp.zeros((), jnp.int32))
     state = jax.lax.while_loop(lambda s: (s.step <= max_steps) & ~jnp.all(s.done), advance, state)
     scale = jnp.sqrt(state.cost * jnp.einsum("bii->b", state.information))
     steepness = jnp.max(jnp.abs(state.gradient), axis=1) / jnp.where(scale > 0, scale, 1.0)

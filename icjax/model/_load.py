@@ -12,6 +12,9 @@ from icjax.files import FileError
 from icjax.model._model import POSITION_SIZE, VELOCITY_SIZE, Model
 from icjax.model._xml import prepared_xml
 
+GRAVITY_DISABLED = 1 << 7
+"""Bit of MuJoCo's mjDSBL_GRAVITY."""
+
 PAD_COMPLIANCE = 1.0 / 750.0
 """Compliance of a fingertip pad where the file states none, m/N (750 N/m)."""
 
@@ -161,7 +164,7 @@ def _copied(m: Any, pads: dict[str, int]) -> Model:
         pad_centre=m.geom_pos[pad_ids].copy(),
         pad_radius=m.geom_size[pad_ids, 0].copy(),
         pad_compliance=pad_compliance,
-        gravity=np.array(m.opt.gravity),
+        gravity=np.array(m.opt.gravity) * float(not m.opt.disableflags & GRAVITY_DISABLED),
     )
 
 

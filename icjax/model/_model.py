@@ -69,6 +69,12 @@ class Model(eqx.Module):
     pad_compliance: Float[Real, " pad"] = labelled("pad", unit="m/N", doc="soft pad between bone and surface")
     gravity: Float[Real, "3"] = labelled("axis", unit="m/s2")
 
+    def __check_init__(self):
+        """**Errors**: `ValueError` for a topology that is none, or arrays that do not fit it."""
+        problem = _topology_problem(self)
+        if problem:
+            raise ValueError(f"model {self.name!r}: {problem}")
+
     @property
     def nq(self) -> int:
         """Number of coordinates."""
@@ -142,3 +148,39 @@ def _index(kind: str, name: str, known: tuple[str, ...]) -> int:
     if name not in known:
         raise ValueError(f"unknown {kind} {name!r}; the model has {', '.join(known) or 'none'}")
     return known.index(name)
+
+
+def _topology_problem(model: Model) -> str | None:
+    """What contradicts itself in names, parents and sizes, None if nothing does."""
+    bodies = len(model.body_names)
+    for body, parent in enumerate(model.body_parents):
+        if parent not in range(max(body, 1)):
+            return f"body_parents: the parent of body {body} is {parent}, none before it"
+    for name, kind in zip(model.joint_names, model.joint_types, strict=False):
+        if kind not in POSITION_SIZE:
+            return f"joint_types: {kind!r} of joint {name!r} is none of {', '.join(POSITION_SIZE)}"
+    for kind in ("joint", "site", "pad"):
+        for name, body in zip(getattr(model, f"{kind}_names"), getattr(model, f"{kind}_bodies"), strict=False):
+            if body not in range(bodies):
+                return f"{kind}_bodies: {kind} {name!r} is on body {body} of {bodies}"
+    sizes = {
+        "body_parents": bodies,
+        "body_position": bodies,
+        "body_mass": bodies,
+        "joint_types": len(model.joint_names),
+        "joint_bodies": len(model.joint_names),
+        "joint_axis": len(model.joint_names),
+        "zero": model.nq,
+        "lower": model.nq,
+        "compliance": model.nv,
+        "site_bodies": len(model.site_names),
+        "site_position": len(model.site_names),
+        "pad_bodies": len(model.pad_names),
+        "pad_radius": len(model.pad_names),
+    }
+    for field, size in sizes.items():
+        value = getattr(model, field)
+        found = len(value) if isinstance(value, tuple) else (np.shape(value) or (None,))[0]
+        if found != size:
+            return f"{field} has {found} entries, not {size}"
+    return None

@@ -14,6 +14,16 @@ CONE = 1e-6
 """Relative slack of the friction cone."""
 
 
+IMBALANCE = 0.05
+"""rad or m; what Eq. 7 leaves after a step of a movement that the linearisation follows is a hundred times less."""
+
+JUMP = 0.5
+"""rad or m in one step."""
+
+BEYOND = 0.2
+"""rad or m beyond a joint's limits."""
+
+
 def check_rollout(rollout: Rollout) -> list[str]:
     """Lines about a stored rollout: what it holds, then lines that begin with "suspicious: " and "error: ".
 
@@ -32,6 +42,7 @@ def check_rollout(rollout: Rollout) -> list[str]:
 def _findings(rollout: Rollout, solved: np.ndarray) -> Iterator[tuple[str, str]]:
     if not solved.all():
         yield "suspicious", f"{int((~solved).sum())} steps are not solved, the first at {rollout.time[~solved][0]:g} s"
+    yield from _implausible(rollout, solved)
     force, normal = np.asarray(rollout.contact_force)[solved], np.asarray(rollout.contact_normal)[solved]
     if not np.isfinite(force).all():
         yield "error", "contact_force is not finite in a solved step"
@@ -48,3 +59,41 @@ def _findings(rollout: Rollout, solved: np.ndarray) -> Iterator[tuple[str, str]]
             yield "error", f"slot '{name}' names no surface of the scene"
         elif np.any(sliding[:, slot] > friction * pressing[:, slot] * (1 + CONE) + CONE * max(size, 1e-12)):
             yield "error", f"a force of slot '{name}' leaves the friction cone of {friction:g}"
+
+
+def _implausible(rollout: Rollout, solved: np.ndarray) -> Iterator[tuple[str, str]]:
+    """What a solved step may be and no movement is: out of balance, jumping, through a surface, beyond a limit."""
+    model, time = rollout.model, np.asarray(rollout.time)
+    error = np.abs(np.asarray(rollout.equilibrium_error)).max(axis=1, initial=0.0)
+    wrong = solved & (error > IMBALANCE)
+    if wrong.any():
+        joint = model.dof_names[int(np.argmax(np.abs(np.asarray(rollout.equilibrium_error)[np.argmax(error)])))]
+        yield (
+            "suspicious",
+            f"{int(wrong.sum())} steps are far from equilibrium (Eq. 7), by up to {error.max():.2g} in {joint}, the first "
+            f"at {time[wrong][0]:g} s: is the surface where the movement can reach it?",
+        )
+    joints = zip(model.joint_names, model.joint_types, model.coordinate_slices, strict=True)
+    columns = {name: part.start for name, kind, part in joints if kind in ("hinge", "slide")}
+    names, scalar = list(columns), list(columns.values())
+    q = np.asarray(rollout.q)[:, scalar]
+    steps = np.abs(np.diff(q, axis=0))
+    if steps.size and np.nanmax(steps) > JUMP:
+        row, column = np.unravel_index(int(np.nanargmax(steps)), steps.shape)
+        yield "suspicious", f"{names[column]} jumps by {steps[row, column]:.2g} in the step to {time[row + 1]:g} s"
+    outside = np.maximum(np.asarray(model.lower)[scalar] - q, q - np.asarray(model.upper)[scalar])
+    if outside.size and np.nanmax(outside) > BEYOND:
+        row, column = np.unravel_index(int(np.nanargmax(outside)), outside.shape)
+        yield (
+            "suspicious",
+            f"{names[column]} goes {outside[row, column]:.2g} beyond its limits, most at {time[row]:g} s; joint limits are "
+            "not part of this simulation",
+        )
+    gap, deepest = np.asarray(rollout.gap), 2 * float(np.max(np.asarray(model.pad_radius), initial=0.0))
+    if deepest and np.nanmin(gap, initial=0.0) < -deepest:
+        row, slot = np.unravel_index(int(np.nanargmin(gap)), gap.shape)
+        yield (
+            "suspicious",
+            f"{rollout.slot_names[slot]} is pressed {-1e3 * gap[row, slot]:.0f} mm into the surface at {time[row]:g} s, "
+            "deeper than a pad is thick",
+        )
