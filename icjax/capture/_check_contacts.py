@@ -110,8 +110,8 @@ def _place(recording: Recording, contact: int) -> Iterator[Finding]:
         if lever > FAR_FROM_PAD:
             yield (
                 SUSPICIOUS,
-                f"the force of '{name}' passes {1e3 * lever:.0f} mm beside its contact point (median): are the source's "
-                "position, rotation and unit of moment right?",
+                f"the force of '{name}' passes {1e3 * lever:.0f} mm beside its contact point (median): are the "
+                "source's position, rotation and unit of moment right?",
             )
 
 
@@ -125,15 +125,15 @@ def _compression(recording: Recording, contact: int) -> Iterator[Finding]:
         if model.body_names[carrier] == body and pressed > 2 * float(np.asarray(model.pad_radius)[pad]):
             yield (
                 SUSPICIOUS,
-                f"the largest force of '{name}', {largest:.3g} N, would compress the pad of {body} by {1e3 * pressed:.0f} "
-                "mm; forces must be in N",
+                f"the largest force of '{name}', {largest:.3g} N, would compress the pad of {body} by "
+                f"{1e3 * pressed:.0f} mm; forces must be in N",
             )
     share = contact_numbers(recording, name).get("centre_of_pressure_share")
     if share is not None and share < RARELY:
         yield (
             SUSPICIOUS,
-            f"the centre of pressure of '{name}' is too uncertain in {1 - share:.0%} of the contact's frames, where the "
-            "place of the pad is taken instead: is the unit of its moments right, is the sensor far away?",
+            f"the centre of pressure of '{name}' is too uncertain in {1 - share:.0%} of the contact's frames, where "
+            "the place of the pad is taken instead: is the unit of its moments right, is the sensor far away?",
         )
 
 

@@ -43,8 +43,8 @@ def marker_findings(recording: Recording, placement: float | None) -> Iterator[F
         if rms > min(LARGE_RESIDUAL, PLACEMENTS * spread):
             yield (
                 SUSPICIOUS,
-                f"markers lie {1e3 * rms:.1f} mm RMS from the model, '{recording.marker_names[worst]}' most: wrong map, "
-                "unit or size?",
+                f"markers lie {1e3 * rms:.1f} mm RMS from the model, '{recording.marker_names[worst]}' most: wrong "
+                "map, unit or size?",
             )
         else:
             off = (each > ONE_PLACEMENT * spread) & (each > OTHERS * np.median(each))
@@ -60,8 +60,8 @@ def marker_findings(recording: Recording, placement: float | None) -> Iterator[F
         if origin.any() and not origin.all():
             yield (
                 SUSPICIOUS,
-                f"marker '{name}' is exactly at the origin in {origin.sum()} frames, the first at {time[origin][0]:g} s: "
-                "does the file write zeros for a missing marker?",
+                f"marker '{name}' is exactly at the origin in {origin.sum()} frames, the first at {time[origin][0]:g} "
+                "s: does the file write zeros for a missing marker?",
             )
     yield from _held(recording, markers, time)
     yield from _together(recording, markers)

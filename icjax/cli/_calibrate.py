@@ -35,8 +35,8 @@ class Calibrate:
         for curve in curves:
             if curve.residual_sd > LARGE_RESIDUAL * curve.force[-1]:
                 print(
-                    f"suspicious: {curve.channel}: the residual is {curve.residual_sd / curve.force[-1]:.0%} of the range: "
-                    "is it the sensor that was pressed, at the same time, below saturation?"
+                    f"suspicious: {curve.channel}: the residual is {curve.residual_sd / curve.force[-1]:.0%} of the "
+                    "range: is it the sensor that was pressed, at the same time, below saturation?"
                 )
         write_curves(self.out, curves, self.calibration.name)
         print(f"wrote {self.out}")

@@ -57,8 +57,8 @@ def least_squares(
     """Minimise `|r(x, d)|^2` for every problem of a batch, on the manifold that `retract` describes.
 
     Each step solves (J^T J + lambda diag J^T J) dx = -J^T r and goes to x' = retract(x, dx) if that lowers the
-    cost; lambda falls or rises tenfold. Successive steps of sizes d' and d, shrinking by rho = d / d', leave an error of
-    about d rho / (1 - rho): a problem is finished with the step that leaves less than the tolerance, and takes it.
+    cost; lambda falls or rises tenfold. Successive steps of sizes d' and d, shrinking by rho = d / d', leave an error
+    of about d rho / (1 - rho): a problem is finished with the step that leaves less than the tolerance, and takes it.
     Directions that the data do not see (a masked marker, say) stay where they started.
 
     The loop runs over the batch as a whole: finished problems keep their value and the loop ends with the slowest.

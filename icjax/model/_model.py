@@ -154,7 +154,7 @@ def _topology_problem(model: Model) -> str | None:
     """What contradicts itself in names, parents and sizes, None if nothing does."""
     bodies = len(model.body_names)
     for body, parent in enumerate(model.body_parents):
-        if parent not in range(max(body, 1)):
+        if parent not in (range(body) if body else (-1, 0)):
             return f"body_parents: the parent of body {body} is {parent}, none before it"
     for name, kind in zip(model.joint_names, model.joint_types, strict=False):
         if kind not in POSITION_SIZE:

@@ -70,8 +70,8 @@ def _implausible(rollout: Rollout, solved: np.ndarray) -> Iterator[tuple[str, st
         joint = model.dof_names[int(np.argmax(np.abs(np.asarray(rollout.equilibrium_error)[np.argmax(error)])))]
         yield (
             "suspicious",
-            f"{int(wrong.sum())} steps are far from equilibrium (Eq. 7), by up to {error.max():.2g} in {joint}, the first "
-            f"at {time[wrong][0]:g} s: is the surface where the movement can reach it?",
+            f"{int(wrong.sum())} steps are far from equilibrium (Eq. 7), by up to {error.max():.2g} in {joint}, the "
+            f"first at {time[wrong][0]:g} s: is the surface where the movement can reach it?",
         )
     joints = zip(model.joint_names, model.joint_types, model.coordinate_slices, strict=True)
     columns = {name: part.start for name, kind, part in joints if kind in ("hinge", "slide")}
@@ -86,14 +86,14 @@ def _implausible(rollout: Rollout, solved: np.ndarray) -> Iterator[tuple[str, st
         row, column = np.unravel_index(int(np.nanargmax(outside)), outside.shape)
         yield (
             "suspicious",
-            f"{names[column]} goes {outside[row, column]:.2g} beyond its limits, most at {time[row]:g} s; joint limits are "
-            "not part of this simulation",
+            f"{names[column]} goes {outside[row, column]:.2g} beyond its limits, most at {time[row]:g} s; joint limits "
+            "are not part of this simulation",
         )
     gap, deepest = np.asarray(rollout.gap), 2 * float(np.max(np.asarray(model.pad_radius), initial=0.0))
     if deepest and np.nanmin(gap, initial=0.0) < -deepest:
         row, slot = np.unravel_index(int(np.nanargmin(gap)), gap.shape)
         yield (
             "suspicious",
-            f"{rollout.slot_names[slot]} is pressed {-1e3 * gap[row, slot]:.0f} mm into the surface at {time[row]:g} s, "
-            "deeper than a pad is thick",
+            f"{rollout.slot_names[slot]} is pressed {-1e3 * gap[row, slot]:.0f} mm into the surface at {time[row]:g} "
+            "s, deeper than a pad is thick",
         )
