@@ -107,7 +107,7 @@ def sensor_table(recording: Recording, turn: Float[np.ndarray, "3 3"]) -> tuple[
 
     spline = make_interp_spline(time, turned, k=min(3, len(time) - 1))
     held = int(np.sum((clock < time[0] - 0.5 / own) | (clock > time[-1] + 0.5 / own)))
-    done = f"sensor channels were interpolated from {own:g} to {ratio * rate:g} Hz, a whole multiple of the frame rate"
+    done = f"sensor channels were interpolated from {own:.6g} Hz to {ratio} samples a frame, {ratio * rate:.6g} Hz"
     if held:
         done += f"; {held} of {len(clock)} samples lie outside the sensors' time and hold their first or last value"
     return Table(names, spline(np.clip(clock, time[0], time[-1]))), ratio * rate, done

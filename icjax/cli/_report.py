@@ -43,10 +43,27 @@ def report_folder(folder: Path, out: Path | None = None) -> Path:
         out or folder / "report.html",
         session=Session.load(recording) if recording.exists() else None,
         interactions=tuple(Interaction.load(path) for path in interactions),
-        rollouts=tuple(Rollout.load(path) for path in rollouts),
+        rollouts=_told_apart([(path, Rollout.load(path)) for path in rollouts]),
         metrics=metrics,
         seed=metrics.get("seed") if metrics else None,
     )
+
+
+def _told_apart(found: "list[tuple[Path, Rollout]]") -> "tuple[Rollout, ...]":
+    """Rollouts, those to scenes of one name called after their files."""
+    import dataclasses
+    import json
+
+    from icjax.view import scene_name
+
+    names = [scene_name(rollout) for _, rollout in found]
+    told = []
+    for (path, rollout), name in zip(found, names, strict=True):
+        if names.count(name) > 1:
+            scene = json.dumps({**json.loads(rollout.scene), "name": path.stem.removeprefix("rollout_")})
+            rollout = dataclasses.replace(rollout, scene=scene)
+        told.append(rollout)
+    return tuple(told)
 
 
 def _metrics(path: Path) -> dict | None:

@@ -45,13 +45,13 @@ def agreement(recordings: Sequence[Recording], interactions: Sequence[Interactio
     return Agreement(repeated, explain(per_event, excitation(trials, options, torques), repeated, options))
 
 
-def agreement_text(found: Agreement | None, truth: Mapping[str, float]) -> str:
+def agreement_text(found: Agreement | None, truth: Mapping[str, float], units: Mapping[str, str] | None = None) -> str:
     """The figure and every event's sentence, or a box that says what is missing."""
     heading = "<h3>Does it depend on the windows?</h3>"
     if found is None:
         return heading + absent("The recordings behind these estimates are not at hand, so they were not repeated.")
     repeated = found.sensitivity
-    drawing = view.plot_sensitivity(repeated, truth)
+    drawing = view.plot_sensitivity(repeated, truth, units)
     stable = ", ".join(
         f"{name} {int(count)}"
         for name, count in zip(repeated.joint_names, np.asarray(repeated.stable).sum(axis=0), strict=True)
@@ -65,7 +65,8 @@ def agreement_text(found: Agreement | None, truth: Mapping[str, float]) -> str:
     body += figure(
         view.svg(drawing, "sensitivity", "compliance of every joint against the length of the windows"),
         "Thin lines are single contacts, thick ones the pooled value with its 95 % interval; a dotted line is its "
-        "upper end where the pooled value is not positive. The true compliance of a virtual subject is dashed.",
+        "upper end where the pooled value is not positive."
+        + (" The true compliance of the virtual subject is dashed." if truth else ""),
     )
     lines = [
         f"{name} {float(onset):8.3f} s  {joint}: {reason}"

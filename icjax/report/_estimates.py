@@ -37,6 +37,7 @@ def compliance(
     summary, per_event = interaction.summary, interaction.per_event
     truth, repeated = true_compliance(metrics), agreement(recordings, interactions)
     slides = {joint.name for joint in view.scalar_joints(interaction.model) if joint.kind == "slide"}
+    units = dict.fromkeys(slides, "m/N")
     rows = []
     stable = dict.fromkeys(summary.joint_names, "")
     if repeated is not None:
@@ -47,12 +48,19 @@ def compliance(
         counts = [int((status == STATUS.index(name)).sum()) for name in STATUS]
         low, high = float(summary.lower[column]), float(summary.upper[column])
         name = f"{joint} (m/N)" if joint in slides else joint
-        known = [f"{truth[joint]:.3f}" if joint in truth else "not stated"] if truth else []
+        known = [f"{truth[joint]:#.3g}" if joint in truth else "not stated"] if truth else []
         numbers = [str(count) for count in (*counts, int(summary.events[column]))]
         numbers += [stable[joint]] if repeated is not None else []
         rows.append([name, _compliance(float(summary.compliance[column])), _interval(low, high), *known, *numbers])
     extra = ["truth (virtual subject)"] if truth else []
-    head = ["joint", "compliance (rad/Nm)", "95 % interval", *extra, *STATUS, "events"]
+    head = [
+        "joint",
+        "compliance (rad/Nm)" if not slides else "compliance (rad/Nm where no unit is named)",
+        "95 % interval",
+        *extra,
+        *STATUS,
+        "events",
+    ]
     head += ["stable"] if repeated is not None else []
     body = paragraph(
         "Compliance is how far a joint yields for each newton metre that contact puts on it (Eq. 1). A contact that "
@@ -63,13 +71,15 @@ def compliance(
     if len(per_event.onset) and per_event.joint_names == summary.joint_names:
         body += figure(
             view.svg(
-                view.plot_compliance(per_event, summary), "compliance", "compliance of every joint at every contact"
+                view.plot_compliance(per_event, summary, units),
+                "compliance",
+                "compliance of every joint at every contact",
             ),
             "Every contact event, numbered in order of onset. Bars are 95 % intervals of the single fit, with an "
             "arrowhead where they reach beyond the panel; the band is that of the summary. Open marks at the "
             "bottom are events without a usable estimate.",
         )
-        body += agreement_text(repeated, truth)
+        body += agreement_text(repeated, truth, units)
     return Section("compliance", heading, body)
 
 
@@ -145,10 +155,10 @@ def not_drawn(model: Model, names: Sequence[str]) -> str:
 
 
 def _compliance(value: float) -> str:
-    return f"{value:.3f}" if np.isfinite(value) else "not estimated"
+    return f"{value:#.3g}" if np.isfinite(value) else "not estimated"
 
 
 def _interval(low: float, high: float) -> str:
     if low > 0 and np.isfinite(high):
-        return f"{low:.3f} to {high:.3f}"
-    return f"below {high:.3f}" if np.isfinite(high) else "unbounded"
+        return f"{low:#.3g} to {high:#.3g}"
+    return f"below {high:#.3g}" if np.isfinite(high) else "unbounded"

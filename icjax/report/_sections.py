@@ -88,9 +88,15 @@ def motion(recordings: Recordings, interactions: Interactions) -> Section:
         body += absent("No interaction was given, so there is no reference trajectory to show.")
     if recordings:
         first = next((item for item in recordings if item.role == "trial"), recordings[0])
-        drawing = view.plot_measured_forces(first)
-        body += figure(view.svg(drawing, "measured", "measured contact force"),
-                       f"Contact force of {first.name} with the contacts found in it (shaded).")  # fmt: skip
+        if not interactions and view.scalar_joints(first.model):
+            body += figure(
+                view.svg(view.plot_angles(first, first.valid), "angles", "joint angles"),
+                f"Joint angles of {first.name}. Shaded: contact. Blank: frames without a pose.",
+            )
+        if first.contact_names:
+            drawing = view.plot_measured_forces(first)
+            body += figure(view.svg(drawing, "measured", "measured contact force"),
+                           f"Contact force of {first.name} with the contacts found in it (shaded).")  # fmt: skip
         body += table(
             [
                 "recording",

@@ -73,7 +73,8 @@ def key_figures(recordings: Recordings, interactions: Interactions, rollouts: Ro
         scope = "the one trial" if len(forces) == 1 else f"all {len(forces)} trials"
         contacts = sum(len(item.events.onset) for item in recordings if item.role == "trial")
         figures.append((str(contacts), f"contacts, {scope}"))
-        figures.append((f"{max(forces, default=0.0):.2f} N", f"largest vertical force, {scope}"))
+        if any(item.contact_names for item in recordings):
+            figures.append((f"{max(forces, default=0.0):.2f} N", f"largest vertical force, {scope}"))
         every = "the one recording" if len(recordings) == 1 else f"all {len(recordings)} recordings"
         residual = np.concatenate([np.asarray(item.marker_residual).ravel() for item in recordings])
         if np.isfinite(residual).any():

@@ -1,5 +1,6 @@
 """What happened to a joint when the finger touched, and the compliance read from it."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -7,7 +8,19 @@ import numpy as np
 from icjax.interaction import STATUS, CompliancePerEvent, Interaction, JointCompliance
 from icjax.view._extras import require
 from icjax.view._skeleton import scalar_joints
-from icjax.view._style import CONTACT, INK, MEASURED, NEGATIVE, QUIET, REFERENCE, TORQUE, new_figure, styled
+from icjax.view._style import (
+    CONTACT,
+    INK,
+    MEASURED,
+    NEGATIVE,
+    QUIET,
+    REFERENCE,
+    TORQUE,
+    compliance_label,
+    joint_title,
+    new_figure,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -105,13 +118,17 @@ def _signed(value: float) -> str:
 
 
 @styled
-def plot_compliance(per_event: CompliancePerEvent, summary: JointCompliance) -> "Figure":
+def plot_compliance(
+    per_event: CompliancePerEvent, summary: JointCompliance, units: Mapping[str, str] | None = None
+) -> "Figure":
     """Every per-event compliance with its 95 % interval and status, and each joint's summary.
 
     One panel a joint, one mark an event, numbered from 1 in order of onset; the band is the summary's 95 %
     interval. The panel covers the estimates; a bar that reaches beyond it ends in an arrowhead at the border, an
     outlying estimate is a triangle there, and events without a usable estimate are open marks at the bottom, so
     that no event is hidden.
+
+    **Arguments**: `units` of joints whose compliance is not in rad/Nm (slides), by name.
 
     **Errors**: `ValueError` where the two records name different joints.
     """
@@ -120,7 +137,7 @@ def plot_compliance(per_event: CompliancePerEvent, summary: JointCompliance) -> 
     joints = per_event.joint_names
     columns = max(min(len(joints), PANELS), 1)
     rows = max(-(-len(joints) // columns), 1)
-    figure = new_figure(max(2.3 * columns, 4.6), 0.4 + 2.6 * rows)
+    figure = new_figure(max(2.3 * columns, 7.6), 0.4 + 2.6 * rows)
     axes = figure.subplots(rows, columns, squeeze=False)
     for axis in axes.ravel()[len(joints) :]:
         axis.remove()
@@ -138,12 +155,12 @@ def plot_compliance(per_event: CompliancePerEvent, summary: JointCompliance) -> 
         _marks(axis, per_event, column, limits)
         axis.set_ylim(*limits)
         axis.set_xlim(0.4, max(len(per_event.onset), 1) + 0.6)
-        axis.set_title(joint)
+        axis.set_title(joint_title(joint, units))
         axis.set_xlabel("contact event (number)")
         axis.xaxis.set_major_locator(require("matplotlib.ticker").FixedLocator(_event_ticks(len(per_event.onset))))
     for axis in axes[:, 0]:
-        axis.set_ylabel("compliance (rad/Nm)")
-    figure.legend(handles=_legend_handles(), loc="outside upper right", ncols=4, fontsize=8.0)
+        axis.set_ylabel(compliance_label(joints, units))
+    figure.legend(handles=_legend_handles(), loc="outside upper right", ncols=3, fontsize=8.0)
     return figure
 
 

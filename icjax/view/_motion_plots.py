@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from icjax.interaction import Interaction
+from icjax.recording import Recording
 from icjax.rollout import Rollout
 from icjax.typing import Real
 from icjax.view._skeleton import pad_path, scalar_joints, up_direction
@@ -29,7 +30,9 @@ TOUCH_FORCE = 0.05
 """N; above this a measured force counts as contact when a figure shades intervals."""
 
 
-def contact_intervals(interaction: Interaction, threshold: float = TOUCH_FORCE) -> list[tuple[float, float]]:
+def contact_intervals(
+    interaction: Interaction | Recording, threshold: float = TOUCH_FORCE
+) -> list[tuple[float, float]]:
     """Start and end (s) of every stretch in which some measured contact force exceeds `threshold` (N)."""
     force = np.linalg.norm(np.nan_to_num(np.asarray(interaction.contact_force, dtype=float)), axis=-1)
     touching = np.concatenate([[False], (force > threshold).any(axis=1), [False]])
@@ -42,11 +45,12 @@ def contact_intervals(interaction: Interaction, threshold: float = TOUCH_FORCE) 
 
 
 @styled
-def plot_angles(interaction: Interaction, valid: Real | None = None) -> "Figure":
+def plot_angles(interaction: Interaction | Recording, valid: Real | None = None) -> "Figure":
     """Hinges and slides as measured and their reference trajectory theta_r = theta - C tau (Eq. 1), a row a joint.
 
-    Frames where `valid` (of the recording) is false have no pose and are left blank. Shaded: contact. Band: 95 % of
-    the reference's stated uncertainty (its standard deviation times 1.96).
+    A recording has no reference yet: its angles alone. Frames where `valid` (of the recording) is false have no pose
+    and are left blank. Shaded: contact. Band: 95 % of the reference's stated uncertainty (its standard deviation times
+    1.96).
 
     **Errors**: `ValueError` where the model has neither a hinge nor a slide.
     """
@@ -62,13 +66,14 @@ def plot_angles(interaction: Interaction, valid: Real | None = None) -> "Figure"
     for axis, joint in zip(axes, joints, strict=True):
         for start, stop in intervals:
             axis.axvspan(start, stop, color=CONTACT, alpha=0.8, lw=0)
-        reference = joint.scale * np.asarray(interaction.reference, dtype=float)[kept, joint.coordinate]
-        spread = 1.96 * joint.scale * np.asarray(interaction.reference_sd, dtype=float)[kept, joint.dof]
         measured = joint.scale * np.asarray(interaction.q, dtype=float)[kept, joint.coordinate]
-        reference, spread, measured = (np.where(known, course, np.nan) for course in (reference, spread, measured))
-        axis.fill_between(time, reference - spread, reference + spread, color=REFERENCE, alpha=0.22, lw=0)
-        axis.plot(time, measured, color=MEASURED, label="measured θ")
-        axis.plot(time, reference, color=REFERENCE, ls=(0, (4, 2)), label="reference θr")
+        axis.plot(time, np.where(known, measured, np.nan), color=MEASURED, label="measured θ")
+        if isinstance(interaction, Interaction):
+            reference = joint.scale * np.asarray(interaction.reference, dtype=float)[kept, joint.coordinate]
+            spread = 1.96 * joint.scale * np.asarray(interaction.reference_sd, dtype=float)[kept, joint.dof]
+            reference, spread = (np.where(known, course, np.nan) for course in (reference, spread))
+            axis.fill_between(time, reference - spread, reference + spread, color=REFERENCE, alpha=0.22, lw=0)
+            axis.plot(time, reference, color=REFERENCE, ls=(0, (4, 2)), label="reference θr")
         axis.set_ylabel(f"{joint.name} ({joint.unit})")
         axis.margins(x=0.0)
     axes[-1].set_xlabel("time (s)")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from icjax.estimation import Sensitivity
-from icjax.view._style import INK, MEASURED, REFERENCE, new_figure, styled
+from icjax.view._style import INK, MEASURED, REFERENCE, compliance_label, joint_title, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -17,7 +17,9 @@ PANELS = 4
 
 
 @styled
-def plot_sensitivity(sensitivity: Sensitivity, truth: Mapping[str, float] | None = None) -> "Figure":
+def plot_sensitivity(
+    sensitivity: Sensitivity, truth: Mapping[str, float] | None = None, units: Mapping[str, str] | None = None
+) -> "Figure":
     """Estimate against the length of the windows: a panel a joint, a colour a degree.
 
     Thin lines are the events, stable ones (`Sensitivity.stable`) darker; the thick line is the pooled value and its
@@ -29,6 +31,7 @@ def plot_sensitivity(sensitivity: Sensitivity, truth: Mapping[str, float] | None
 
     - `sensitivity`: of `icjax.estimation.sensitivity`.
     - `truth`: rad/Nm by joint, drawn as a dashed line where it is known (a virtual subject).
+    - `units`: of joints whose compliance is not in rad/Nm (slides), by name.
 
     **Errors**: `ValueError` where no choice has equal windows.
     """
@@ -40,17 +43,17 @@ def plot_sensitivity(sensitivity: Sensitivity, truth: Mapping[str, float] | None
     joints = sensitivity.joint_names
     columns = max(min(len(joints), PANELS), 1)
     rows = max(-(-len(joints) // columns), 1)
-    figure = new_figure(max(2.3 * columns, 4.6), 0.5 + 2.6 * rows)
+    figure = new_figure(max(2.3 * columns, 7.6), 0.5 + 2.6 * rows)
     axes = figure.subplots(rows, columns, squeeze=False)
     for axis in axes.ravel()[len(joints) :]:
         axis.remove()
     for joint, (axis, name) in enumerate(zip(axes.ravel(), joints, strict=False)):
         _panel(axis, sensitivity, joint, equal, (truth or {}).get(name))
-        axis.set_title(name)
+        axis.set_title(joint_title(name, units))
         axis.set_xlabel("window (ms)")
     for axis in axes[:, 0]:
-        axis.set_ylabel("compliance (rad/Nm)")
-    figure.legend(handles=_handles(sensitivity, truth), loc="outside upper right", ncols=6, fontsize=8.0)
+        axis.set_ylabel(compliance_label(joints, units))
+    figure.legend(handles=_handles(sensitivity, truth), loc="outside upper right", ncols=4, fontsize=8.0)
     return figure
 
 

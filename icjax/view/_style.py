@@ -5,7 +5,7 @@ import functools
 import io
 import os
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec
 
@@ -96,6 +96,20 @@ def legend_above(axis: Any, columns: int = 5, **keywords: Any) -> None:
     axis.legend(
         loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderaxespad=0.1, columnspacing=1.2, **keywords
     )
+
+
+def joint_title(joint: str, units: Mapping[str, str] | None) -> str:
+    """Name of a joint, with its unit where that is not rad/Nm."""
+    unit = (units or {}).get(joint, "rad/Nm")
+    return joint if unit == "rad/Nm" else f"{joint} ({unit})"
+
+
+def compliance_label(joints: Sequence[str], units: Mapping[str, str] | None) -> str:
+    """Label of an axis of compliance over several joints."""
+    found = {(units or {}).get(joint, "rad/Nm") for joint in joints}
+    if len(found) == 1:
+        return f"compliance ({found.pop()})"
+    return "compliance (rad/Nm where no unit is named)"
 
 
 def svg(figure: "Figure", prefix: str, description: str = "") -> str:
