@@ -49,8 +49,8 @@ def report_folder(folder: Path, out: Path | None = None) -> Path:
     )
 
 
-def _told_apart(found: "list[tuple[Path, Rollout]]") -> "tuple[Rollout, ...]":
-    """Rollouts, those to scenes of one name called after their files."""
+def _told_apart(found: list) -> tuple:
+    """Rollouts of pairs of a path and a rollout, those to scenes of one name called after their files."""
     import dataclasses
     import json
 
