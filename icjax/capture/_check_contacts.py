@@ -14,11 +14,14 @@ from icjax.recording import NORMAL_ONLY, Recording
 SAMPLED = 64
 """Frames of contact at which its point is compared with pad, body and force."""
 
-FAR_FROM_PAD = 0.01
-"""m; a fingertip's contact lies within millimetres of its pad."""
+FAR_FROM_PAD = 0.5
+"""Of the pad's radius; a contact lies on the surface of its pad, which is pressed in by less than that."""
 
-FAR_FROM_BODY = 0.15
-"""m; a contact lies this near, or as near as the body is long, to a marker or joint of the body that makes it."""
+FAR_FROM_FORCE = 0.01
+"""m; a force without a free moment passes through its contact point."""
+
+FAR_FROM_BODY = 0.1
+"""m; a contact lies this near, or as near as half of the body's length, to a marker or joint of that body."""
 
 RARELY = 0.5
 """A centre of pressure that is used in fewer of the contact's frames hides where the sensor says the force is."""
@@ -88,26 +91,29 @@ def _place(recording: Recording, contact: int) -> Iterator[Finding]:
     pads = [index for index, own in enumerate(model.pad_bodies) if own == carrier]
     if pads:
         centres = np.asarray(_pad_centres(model, q))[:, pads]
-        distance = np.linalg.norm(point[:, None] - centres, axis=2) - np.asarray(model.pad_radius)[pads]
-        far, least, what = _typical(distance.min(axis=1)), FAR_FROM_PAD, f"the pad of {body}"
+        radius = np.asarray(model.pad_radius)[pads]
+        distance = np.linalg.norm(point[:, None] - centres, axis=2) - radius
+        nearest = np.argmin(np.abs(distance), axis=1)
+        far = abs(_typical(distance[np.arange(len(rows)), nearest]))
+        least, what = FAR_FROM_PAD * float(radius.max()), f"the surface of the pad of {body}"
     else:
         places = _places(model, carrier, q)
         distance = np.linalg.norm(point[:, None] - places, axis=2)
         extent = float(np.linalg.norm(np.ptp(places[0], axis=0)))
         far, least, what = (
             _typical(distance.min(axis=1)),
-            max(FAR_FROM_BODY, extent),
+            max(FAR_FROM_BODY, extent / 2),
             f"{body}, of {1e3 * extent:.0f} mm",
         )
     if far > least:
         yield (
             SUSPICIOUS,
-            f"the contact point of '{name}' lies {1e3 * far:.0f} mm beside {what} (median): does that body touch it, "
+            f"the contact point of '{name}' lies {1e3 * far:.0f} mm off {what} (median): does that body touch it, "
             "and are the source's position, rotation and sign right?",
         )
     else:
         lever = _lever(recording, contact, rows)
-        if lever > FAR_FROM_PAD:
+        if lever > FAR_FROM_FORCE:
             yield (
                 SUSPICIOUS,
                 f"the force of '{name}' passes {1e3 * lever:.0f} mm beside its contact point (median): are the "

@@ -52,26 +52,31 @@ def torque_deviation(recording: Recording) -> TorqueDeviation:
     **Errors**: `ValueError` for a contact that names neither a body nor a pad of the model.
     """
     bodies = tuple(body_index(recording.model, name) for name in recording.contact_bodies)
-    frames, contacts = np.shape(recording.touching)
+    contacts = len(recording.contact_names)
+    on = np.asarray(recording.touching).any(axis=1)
     offset = recording.q_offset_covariance
     if offset is None:
         offset = np.diag(np.asarray(recording.q_offset_sd) ** 2)
     force_sd = np.zeros(contacts) if recording.contact_force_sd is None else np.asarray(recording.contact_force_sd)
-    point_sd = np.zeros((frames, contacts))
+    point_sd = np.zeros((len(on), contacts))
     if recording.contact_point_sd is not None:
         point_sd = np.nan_to_num(np.asarray(recording.contact_point_sd))
+    found = TorqueDeviation(*(np.zeros((len(on), recording.model.nv)) for _ in range(2)))
+    if not on.any():
+        return found
     noise, constant = on_full_blocks(
         partial(_all_frames, recording.model, bodies, np.asarray(offset), np.nan_to_num(force_sd)),
-        recording.q,
-        recording.q_covariance,
-        recording.contact_force,
-        recording.contact_point,
-        recording.contact_moment,
-        recording.touching,
-        recording.valid,
-        point_sd,
+        np.asarray(recording.q)[on],
+        np.asarray(recording.q_covariance)[on],
+        np.asarray(recording.contact_force)[on],
+        np.asarray(recording.contact_point)[on],
+        np.asarray(recording.contact_moment)[on],
+        np.asarray(recording.touching)[on],
+        np.asarray(recording.valid)[on],
+        point_sd[on],
     )
-    return TorqueDeviation(np.asarray(noise), np.asarray(constant))
+    found.noise[on], found.offset[on] = noise, constant
+    return found
 
 
 @eqx.filter_jit

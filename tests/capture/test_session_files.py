@@ -14,7 +14,7 @@ from icjax.model import index_finger, integrate, neutral, pad_positions, site_po
 from icjax.recording import Session
 
 MODEL = index_finger(0.19, "free")
-PRESSING = integrate(MODEL, neutral(MODEL), jnp.concatenate([jnp.zeros(6), jnp.full(4, 0.14)]))
+PRESSING = integrate(MODEL, neutral(MODEL), jnp.concatenate([jnp.zeros(6), jnp.full(4, 0.12)]))
 TIP = np.asarray(pad_positions(MODEL, PRESSING))[0]
 """Of the posture in the middle of the press of `recording`, m."""
 
@@ -293,12 +293,12 @@ def test_markers_of_another_map_and_a_source_elsewhere_are_suspicious(tmp_path):
     assert any("mm RMS from the model" in line and "wrong map" in line for line in found)
     # The recorded force has no moment about the sensor, 0.18 m short of where the fingertip is.
     found = check_recording(capture(read_session(write(tmp_path)), trials=("one",)))
-    assert any("mm beside the pad of distal" in line for line in found)
+    assert any("mm off the surface of the pad of distal" in line for line in found)
     x, y, z = TIP
     under = TEXT.replace("position = [0, 0, -0.026]", f"position = [{x}, {y}, {z - 0.03}]")
     under = under.replace("point = [0, 0, 0]", f"point = [0, 0, {z - 0.0075}]")
     found = check_recording(capture(read_session(write(tmp_path, under)), trials=("one",)))
-    assert not any("beside the pad" in line for line in found)
+    assert not any("off the surface of the pad" in line for line in found), found
 
 
 @pytest.mark.parametrize(

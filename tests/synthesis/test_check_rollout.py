@@ -47,3 +47,20 @@ def test_faults_are_told(pressed):
     told = check_rollout(dataclasses.replace(pressed, contact_force=sideways, status=status))
     assert any(line.startswith("suspicious: ") and "1 steps are not solved" in line for line in told)
     assert any("leaves the friction cone" in line for line in told)
+
+
+def test_what_no_movement_does_is_suspicious(pressed):
+    def told(**fields):
+        return check_rollout(dataclasses.replace(pressed, **fields))
+
+    error = np.array(pressed.equilibrium_error)
+    error[7] += 0.3
+    assert any("1 steps are far from equilibrium" in line for line in told(equilibrium_error=error))
+    q = np.array(pressed.q)
+    q[9:] += 2.0
+    assert any("jumps by 2" in line for line in told(q=q))
+    low = dataclasses.replace(pressed.model, upper=np.asarray(pressed.q).min(axis=0) - 1.0)
+    assert any("beyond its limits" in line and "not part of this simulation" in line for line in told(model=low))
+    gap = np.array(pressed.gap)
+    gap[4] = -0.5
+    assert any("is pressed 500 mm into the surface at" in line for line in told(gap=gap))
