@@ -10,14 +10,10 @@ import pytest
 
 from icjax.capture import capture, check, check_recording, read_session
 from icjax.files import FileError, write_c3d
-from icjax.model import index_finger, integrate, neutral, pad_positions, site_positions
+from icjax.model import index_finger, integrate, neutral, site_positions
 from icjax.recording import Session
 
 MODEL = index_finger(0.19, "free")
-PRESSING = integrate(MODEL, neutral(MODEL), jnp.concatenate([jnp.zeros(6), jnp.full(4, 0.12)]))
-TIP = np.asarray(pad_positions(MODEL, PRESSING))[0]
-"""Of the posture in the middle of the press of `recording`, m."""
-
 CHANNELS = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 UNITS = ("N",) * 3 + ("Nm",) * 3
 
@@ -291,14 +287,10 @@ def test_markers_of_another_map_and_a_source_elsewhere_are_suspicious(tmp_path):
     swapped = [{first: last, last: first}.get(name, name) for name in MODEL.site_names]
     found = check_recording(capture(read_session(write(tmp_path, marker_names=swapped)), trials=("one",)))
     assert any("mm RMS from the model" in line and "wrong map" in line for line in found)
-    # The recorded force has no moment about the sensor, 0.18 m short of where the fingertip is.
+    # The recorded force has no moment about the sensor, 0.18 m short of where the fingertip is; a plate that is where
+    # the finger presses is no cause (`test_suspicious.py`).
     found = check_recording(capture(read_session(write(tmp_path)), trials=("one",)))
     assert any("mm off the surface of the pad of distal" in line for line in found)
-    x, y, z = TIP
-    under = TEXT.replace("position = [0, 0, -0.026]", f"position = [{x}, {y}, {z - 0.03}]")
-    under = under.replace("point = [0, 0, 0]", f"point = [0, 0, {z - 0.0075}]")
-    found = check_recording(capture(read_session(write(tmp_path, under)), trials=("one",)))
-    assert not any("off the surface of the pad" in line for line in found), found
 
 
 @pytest.mark.parametrize(
