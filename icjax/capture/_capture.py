@@ -164,7 +164,7 @@ def session_markers(spec: SessionSpec, motion: MotionFile, path: Path) -> tuple[
     columns = []
     for name in names:
         if name not in motion.marker_names:
-            known = ", ".join(motion.marker_names[:12])
+            known = ", ".join(motion.marker_names[:12]) + (", ..." if len(motion.marker_names) > 12 else "")
             raise FileError(path, f"has no marker '{name}', which {spec.path.name} [markers] names; it has {known}")
         columns.append(motion.marker(name))
         if not np.isfinite(columns[-1]).all(axis=1).any():

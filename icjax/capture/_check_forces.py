@@ -52,11 +52,14 @@ def force_findings(spec: SessionSpec, trial: TrialSpec, motion: MotionFile) -> F
             quiet = sensor.wrench[sensor.unloaded, 3:]
             offset = np.linalg.norm(_untared(spec, trial, motion, source)[sensor.unloaded, 3:].mean(axis=0))
             if noise > 0 and offset > BASELINE * noise:
-                found.notes.append(f"source '{name}' reads {offset:.3g} N unloaded (noise {noise:.2g} N); tared")
+                found.notes.append(
+                    f"source '{name}' reads {offset:.3g} N unloaded (noise {noise:.2g} N, filtered); tared"
+                )
             spread = float(np.max(np.ptp(_smooth(quiet, sensor.rate, spec.filter.events), axis=0)))
             if noise > 0 and spread > UNQUIET * noise:
                 found.doubts.append(
-                    f"source '{name}' changes by {spread:.3g} N within its tare windows (noise {noise:.2g} N); loaded?"
+                    f"source '{name}' changes by {spread:.3g} N within its tare windows (noise {noise:.2g} N, "
+                    "filtered); loaded?"
                 )
         found.doubts.extend(_pressing_doubts(spec, trial, sensor, noise))
     return found

@@ -40,7 +40,8 @@ def check_recording(session: Session) -> list[str]:
     """
     roles = [item.role for item in session.recordings]
     counts = ", ".join(f"{roles.count(role)} {role}" for role in dict.fromkeys(roles))
-    lines = [f"session '{session.name}' of subject '{session.subject}': {counts or 'no recordings'}"]
+    subject = f" of subject '{session.subject}'" if session.subject else ""
+    lines = [f"session '{session.name}'{subject}: {counts or 'no recordings'}"]
     names = [item.name for item in session.recordings]
     lines += [f"{ERROR}recording '{name}' is there twice" for name in dict.fromkeys(names) if names.count(name) > 1]
     for first, second in itertools.combinations(session.recordings, 2):

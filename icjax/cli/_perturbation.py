@@ -20,6 +20,8 @@ LITERATURE = {
 1998; Kuchenbecker, Park and Niemeyer 2003. Where the table prints "(relaxed)" there is no force."""
 
 NOTES = (
+    "the columns exploring to KPN03 are printed in Table 2 of the paper, for comparison; none is of this recording",
+    "k_G has the bias of the compliances that it is computed from; its interval has only their scatter",
     "displacement and stiffness are those of the bone; the pad in series is in the row 'k with pad'",
     "m, b, k of a short window describe the window, not the finger: a jointed finger is not one mass on a spring",
     "the vertical secant is k_G only if the tangential force does not change; the one along the force does not need it",

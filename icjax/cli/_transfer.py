@@ -69,6 +69,8 @@ class Transfer:
         path = self.out or self.interaction.parent / f"rollout_{scene.name}.nc"
         rollout.save(path)
         print(rollout_text(rollout))
+        if scene.name == "flat" and self.friction is None and self.plate_height is None:
+            print(f"  normal force NRMSE against the measured force: {_deviation(interaction, rollout):.0%}")
         for line in check_rollout(rollout):
             if line.startswith(("suspicious: ", "error: ")):
                 print(line)
@@ -77,6 +79,10 @@ class Transfer:
     def _scene(self, interaction):
         from icjax.cli._scenes import BUMP_HALF_WIDTH, middle_of_contacts, plate_scene
 
+        if not interaction.model.pad_names:
+            raise ValueError(
+                f"model {interaction.model.name!r} has no contact pads, so nothing of it can touch a surface"
+            )
         friction = self.friction if self.friction is not None else interaction.friction
         if friction is None:
             raise ValueError("--friction is needed: the recording does not state the friction of its surface")
@@ -111,6 +117,16 @@ class Transfer:
             given = getattr(self, field.name) != field.default
             if given and field.name not in ("interaction", "out", "scene"):
                 raise ValueError(f"--{field.name.replace('_', '-')} cannot be given with --scene, which states it")
+
+
+def _deviation(interaction, rollout) -> float:
+    """RMS of simulated less measured vertical force over the RMS of the measured one: the surface is the same."""
+    import numpy as np
+
+    measured = np.nan_to_num(np.asarray(interaction.contact_force)).sum(axis=1)[:, 2]
+    measured = np.interp(np.asarray(rollout.time), np.asarray(interaction.time), measured)
+    error = np.asarray(rollout.contact_force).sum(axis=1)[:, 2] - measured
+    return float(np.sqrt(np.mean(error**2) / max(np.mean(measured**2), np.finfo(float).tiny)))
 
 
 def rollout_text(rollout) -> str:

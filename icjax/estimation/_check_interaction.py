@@ -21,7 +21,7 @@ def check_interaction(interaction: Interaction) -> list[str]:
     """
     summary = interaction.summary
     joints = ", ".join(
-        f"{name} {value:.3g} [{low:.3g}, {high:.3g}] rad/Nm"
+        f"{name} {value:.3g} [{low:.3g}, {high:.3g}] rad/Nm" if np.isfinite(value) else f"{name} not estimated"
         for name, value, low, high in zip(
             summary.joint_names, summary.compliance, summary.lower, summary.upper, strict=True
         )

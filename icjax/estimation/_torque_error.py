@@ -53,7 +53,7 @@ def torque_deviation(recording: Recording) -> TorqueDeviation:
     """
     bodies = tuple(body_index(recording.model, name) for name in recording.contact_bodies)
     contacts = len(recording.contact_names)
-    on = np.asarray(recording.touching).any(axis=1)
+    on: np.ndarray = np.asarray(np.any(recording.touching, axis=1))
     offset = recording.q_offset_covariance
     if offset is None:
         offset = np.diag(np.asarray(recording.q_offset_sd) ** 2)

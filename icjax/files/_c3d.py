@@ -159,7 +159,8 @@ def _analog(path: Path, c3d: Any) -> tuple[tuple[str, ...], tuple[str, ...], flo
     for index, unit in enumerate(units):
         factor = analog_factor(unit)
         if factor is None:
-            notes.append(f"analog channel '{names[index]}' has the unit '{unit}'; its values are as found")
+            told = f"the unit '{unit}'" if unit else "no unit"
+            notes.append(f"analog channel '{names[index]}' has {told}; its values are as found")
         else:
             analog[:, index] *= factor
     return names, tuple(units), rate, analog, notes

@@ -82,7 +82,8 @@ def read_csv(path: str | os.PathLike, columns: Mapping[str, Any] | None = None) 
     for index, (name, spelled) in enumerate(zip(names, units, strict=True)):
         scale = analog_factor(spelled)
         if scale is None:
-            notes += (f"channel '{name}' has the unit '{spelled}'; its values are as found",)
+            unit = f"the unit '{spelled}'" if spelled else "no unit"
+            notes += (f"channel '{name}' has {unit}; its values are as found",)
         else:
             values[:, index] *= scale
     rate = rate_of(time)

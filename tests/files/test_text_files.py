@@ -65,7 +65,7 @@ def test_csv_with_the_defaults(tmp_path):
     np.testing.assert_allclose(read.marker("A"), [[1e-3, 2e-3, 3e-3], [np.nan] * 3, [7e-3, 8e-3, 9e-3]])
     assert read.analog_names == ("Fz", "Tx")
     np.testing.assert_array_equal(read.analog[:, 1], [500, 600, 700])
-    assert any("'Tx' has the unit ''" in note for note in read.notes)
+    assert any("'Tx' has no unit" in note for note in read.notes)
 
 
 def test_csv_with_a_column_map(tmp_path):
