@@ -2,9 +2,11 @@
 
 import multiprocessing
 import os
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
+from multiprocessing.connection import wait
 
 from icjax.cli._main import configure_jax
 
@@ -22,7 +24,7 @@ def helper(prepare: Callable[[], object] | None = None) -> Iterator[Executor | N
         return
     others = set(multiprocessing.active_children())
     context = multiprocessing.get_context("spawn")
-    executor = ProcessPoolExecutor(1, mp_context=context, initializer=configure_jax)
+    executor = ProcessPoolExecutor(1, mp_context=context, initializer=_begin)
     try:
         if prepare is not None:
             executor.submit(prepare)
@@ -31,6 +33,19 @@ def helper(prepare: Callable[[], object] | None = None) -> Iterator[Executor | N
         for process in set(multiprocessing.active_children()) - others:
             process.terminate()
         executor.shutdown(cancel_futures=True)
+
+
+def _begin() -> None:
+    """First thing in the process: end with the one that began it, however that ends, and configure JAX."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+    configure_jax()
+
+
+def _end_with(sentinel: int) -> None:
+    wait([sentinel])
+    os._exit(1)
 
 
 def import_drawing() -> None:
