@@ -27,7 +27,7 @@ def alive(pid):
 
 
 @pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="looks processes up in /proc")
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
 def test_no_process_is_left_behind(tmp_path, how):
     (tmp_path / "first.py").write_text(SCRIPT)
     with subprocess.Popen(

@@ -3,7 +3,6 @@
 import dataclasses
 
 import mujoco
-import numpy as np
 import pytest
 
 from icjax.model import index_finger, load_model
@@ -20,7 +19,6 @@ MODEL = index_finger()
         ({"joint_bodies": (77, *MODEL.joint_bodies[1:])}, "is on body 77 of 6"),
         ({"site_bodies": MODEL.site_bodies[:-1]}, "site_bodies has 15 entries, not 16"),
         ({"pad_bodies": (9,)}, "is on body 9 of 6"),
-        ({"compliance": np.ones(2)}, "compliance has 2 entries"),
     ],
 )
 def test_contradictions_are_named(fields, message):
