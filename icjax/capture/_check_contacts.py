@@ -134,7 +134,7 @@ def _compression(recording: Recording, contact: int) -> Iterator[Finding]:
                 f"the largest force of '{name}', {largest:.3g} N, would compress the pad of {body} by "
                 f"{1e3 * pressed:.0f} mm; forces must be in N",
             )
-    share = contact_numbers(recording, name).get("centre_of_pressure_share")
+    share = stated(recording, "contact_thresholds_n", name.split(":")[0], "centre_of_pressure_share")
     if share is not None and share < RARELY:
         yield (
             SUSPICIOUS,
@@ -143,13 +143,15 @@ def _compression(recording: Recording, contact: int) -> Iterator[Finding]:
         )
 
 
-def contact_numbers(recording: Recording, name: str) -> dict[str, float]:
-    """What capture wrote down about a force source in the provenance, empty if nothing."""
+def stated(recording: Recording, *keys: str) -> float | None:
+    """A number that capture wrote down in the provenance, under nested keys; None where there is none."""
     try:
-        found = json.loads(recording.provenance)["contact_thresholds_n"][name.split(":")[0]]
+        found = json.loads(recording.provenance)
+        for key in keys:
+            found = found[key]
     except (ValueError, TypeError, KeyError):
-        return {}
-    return {key: float(value) for key, value in found.items() if isinstance(value, int | float)}
+        return None
+    return float(found) if isinstance(found, int | float) else None
 
 
 def _typical(distance: np.ndarray) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from icjax.capture._check import ERROR, SUSPICIOUS
-from icjax.capture._check_contacts import Finding, contact_findings
+from icjax.capture._check_contacts import Finding, contact_findings, stated
 from icjax.capture._check_markers import marker_findings
 from icjax.model import Model
 from icjax.recording import ROLES, Recording, Session
@@ -136,16 +136,13 @@ def _poses(recording: Recording) -> Iterator[Finding]:
         yield SUSPICIOUS, "q_covariance is not finite in some valid frames: how well the angles are known is unknown"
     yield from _vague(recording.model, variances)
     yield from _filtered(recording)
-    yield from marker_findings(recording, _stated(recording, "placement_sd_m"))
+    yield from marker_findings(recording, stated(recording, "placement_sd_m"))
 
 
 def _filtered(recording: Recording) -> Iterator[Finding]:
     """A cut-off that smears the bend of an angle over the window in which compliance looks for it."""
-    try:
-        cutoff = json.loads(recording.provenance)["filter_hz"]["markers"]
-    except (ValueError, TypeError, KeyError):
-        return
-    if recording.marker_names and len(recording.events.onset) and cutoff < SMEARING:
+    cutoff = stated(recording, "filter_hz", "markers")
+    if recording.marker_names and len(recording.events.onset) and cutoff is not None and cutoff < SMEARING:
         yield (
             SUSPICIOUS,
             f"markers filtered at {cutoff:g} Hz: the bend of an angle at contact is smeared, the paper's estimate of "
@@ -171,11 +168,3 @@ def _vague(model: Model, variances: np.ndarray) -> Iterator[Finding]:
             f"some coordinates are known poorly (standard deviation): {', '.join(told)}; more markers, or [posture] in "
             "the session, would tell",
         )
-
-
-def _stated(recording: Recording, key: str) -> float | None:
-    try:
-        value = json.loads(recording.provenance).get(key)
-    except (ValueError, AttributeError):
-        return None
-    return float(value) if isinstance(value, int | float) else None

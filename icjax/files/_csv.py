@@ -10,7 +10,7 @@ import numpy as np
 
 from icjax.files._errors import FileError
 from icjax.files._motion import MotionFile, unique_labels
-from icjax.files._table import check_time, number_rows, rate_of, read_lines, spacing_notes
+from icjax.files._table import check_time, is_number, number_rows, rate_of, read_lines, spacing_notes
 from icjax.files._units import analog_factor, length_factor
 
 KEYS = ("time", "markers", "length_unit", "channels", "units")
@@ -51,7 +51,7 @@ def read_csv(path: str | os.PathLike, columns: Mapping[str, Any] | None = None) 
     twice = sorted({name for name in header if name and header.count(name) > 1})
     if twice:
         raise FileError(path, f"has the column '{twice[0]}' twice")
-    if any(_is_number(name) for name in header):
+    if any(is_number(name) for name in header):
         raise FileError(path, f"line {first + 1} must name the columns, it holds numbers")
 
     def column(name: str) -> np.ndarray:
@@ -103,14 +103,6 @@ def read_csv(path: str | os.PathLike, columns: Mapping[str, Any] | None = None) 
         metadata={"columns": tuple(header)},
         notes=notes + spacing_notes(time),
     )
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _triples(header: list[str]) -> dict[str, list[str]]:

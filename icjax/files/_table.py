@@ -46,7 +46,7 @@ def number_rows(path: Path, rows: Iterable[tuple[int, str]], separator: str | No
         try:
             result.append([float(cell) if cell.strip() else np.nan for cell in cells])
         except ValueError:
-            bad = next(index for index, cell in enumerate(cells) if cell.strip() and not _is_number(cell))
+            bad = next(index for index, cell in enumerate(cells) if cell.strip() and not is_number(cell))
             raise FileError(path, f"line {line}, column {bad + 1}: '{cells[bad].strip()}' is not a number") from None
     return np.array(result, dtype=float).reshape(-1, columns)
 
@@ -80,7 +80,8 @@ def rate_of(time: np.ndarray) -> float:
     return (len(time) - 1) / float(time[-1] - time[0]) if len(time) > 1 else float("nan")
 
 
-def _is_number(cell: str) -> bool:
+def is_number(cell: str) -> bool:
+    """Whether the text is one number."""
     try:
         float(cell)
     except ValueError:
