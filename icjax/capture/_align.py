@@ -53,6 +53,11 @@ def _pulses(clock: ClockSpec, markers: MotionFile, motion: MotionFile) -> tuple[
     if clock.period is None:
         assert clock.marker_sync is not None
         return edges, _edges(markers, clock.marker_sync).time
+    if edges.began_high and clock.offset is None:
+        raise ValueError(
+            f"channel '{clock.sync}' begins within a pulse, so the first edge may be any pulse of the train; give the "
+            "approximate offset as the key 'offset' of [clock]"
+        )
     span = float(edges.time[-1] - edges.time[0]) if len(edges.time) else 0.0
     count = int(np.floor(span / clock.period + 0.5)) + 1
     if clock.offset is not None:

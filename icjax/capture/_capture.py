@@ -14,6 +14,7 @@ from icjax.capture._angles import recorded_angles
 from icjax.capture._calibrate import Calibration, calibrate_model
 from icjax.capture._calibration_summary import calibration_record
 from icjax.capture._contacts import sensor_channels, trial_contacts
+from icjax.capture._force_delay import force_delays
 from icjax.capture._joint_angles import JointAngles, joint_angles
 from icjax.capture._load import load_trial, read_movement
 from icjax.capture._sensors import sensor_wrench
@@ -108,6 +109,7 @@ def capture_trial(
     time = motion.marker_time
     contacts = trial_contacts(spec, trial, sensors, angles, time)
     events = contacts.events
+    delays = force_delays(spec, trial, sensors, contacts, angles, time)
     return Recording(
         name=trial.name,
         role=trial.role,
@@ -134,7 +136,7 @@ def capture_trial(
         marker_residual=angles.residual,
         channels=sensor_channels(spec, trial, sensors, angles, time),
         friction=trial.friction,
-        provenance=_provenance(spec, trial, motion, angles, contacts.thresholds, calibration),
+        provenance=_provenance(spec, trial, motion, angles, contacts.thresholds, delays, calibration),
         contact_kinds=tuple(spec.source(name).kind for name, _ in trial.touches),
         q_offset_covariance=angles.offset_covariance,
         contact_force_sd=contacts.force_sd,
@@ -185,6 +187,7 @@ def _provenance(
     motion: MotionFile,
     angles: JointAngles,
     thresholds: dict,
+    delays: dict,
     calibration: Calibration | None,
 ) -> str:
     clock = motion.metadata.get("clock")
@@ -210,6 +213,7 @@ def _provenance(
             "angle_sd_rad": spec.angle_sd if trial.angles else None,
             "calibration": None if calibration is None else calibration_record(calibration),
             "contact_thresholds_n": thresholds,
+            "force_delays_s": delays,
             "force_clock": None if clock is None else dataclasses.asdict(clock),
             "normal_only": [name for name, _ in trial.touches if spec.source(name).kind in NORMAL_ONLY],
             "calibrations": {

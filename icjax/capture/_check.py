@@ -93,9 +93,9 @@ def _session_doubts(spec: SessionSpec) -> list[str]:
     if not any(trial.role == "catch" for trial in spec.trials):
         doubts.append("no catch trials: a planned deceleration cannot be told from compliance")
     marked = {model.site_bodies[model.site(site)] for _, site in spec.markers}
-    for index, name in enumerate(model.body_names[1:], 1):
-        if spec.markers and index not in marked:
-            doubts.append(f"body '{name}' carries no marker; its joint is known only through other bodies")
+    bare = [name for index, name in enumerate(model.body_names) if index and spec.markers and index not in marked]
+    if bare:
+        doubts.append(f"no marker on {', '.join(bare)}: their joints are known only through other bodies")
     return doubts
 
 
@@ -136,14 +136,16 @@ def _understood(spec: SessionSpec, motion: MotionFile) -> list[str]:
 
 
 def _marker_doubts(spec: SessionSpec, motion: MotionFile) -> list[str]:
-    doubts = []
+    doubts, gone = [], []
     known = [label for label, _ in spec.markers if label in motion.marker_names]
     for label in known:
         share = float(np.mean(~np.isfinite(motion.marker(label)).all(axis=1)))
         if MANY_GAPS < share < 1:
-            doubts.append(f"marker '{label}' is missing in {100 * share:.0f} % of the frames")
+            gone.append(f"'{label}' in {100 * share:.0f} %")
         if share < 1 and len(motion.marker_time) > 1 and float(np.nanmax(np.nanstd(motion.marker(label), axis=0))) == 0:
             doubts.append(f"marker '{label}' never moves, not even by noise")
+    if gone:
+        doubts.append(f"markers are missing, {', '.join(gone)} of the frames")
     if known:
         places = np.concatenate([motion.marker(label) for label in known])
         places = places[np.isfinite(places).all(axis=1)]

@@ -26,6 +26,15 @@ FAR_FROM_BODY = 0.1
 RARELY = 0.5
 """A centre of pressure that is used in fewer of the contact's frames hides where the sensor says the force is."""
 
+PULLS = 0.02
+"""Of the time; a surface that is touched pushes, and never pulls for longer than a spike."""
+
+LATE = 0.01
+"""s; forces that come later or earlier than the pad's touch spoil windows of 0.1 s."""
+
+LATE_SDS = 5.0
+"""Standard errors that such a delay must exceed."""
+
 LARGE_FORCE = 5e3
 """N; six times the weight of a heavy person."""
 
@@ -55,6 +64,8 @@ def contact_findings(recording: Recording) -> Iterator[Finding]:
             yield SUSPICIOUS, f"contact_force of '{name}' exceeds {LARGE_FORCE:g} N; it must be in N"
         yield from _compression(recording, index)
         yield from _place(recording, index)
+    for source in dict.fromkeys(name.split(":")[0] for name in recording.contact_names):
+        yield from _course(recording, source)
     yield from _events(recording)
     if recording.role == "catch" and touching.any():
         yield SUSPICIOUS, "something touches in this catch trial"
@@ -140,6 +151,25 @@ def _compression(recording: Recording, contact: int) -> Iterator[Finding]:
             SUSPICIOUS,
             f"the centre of pressure of '{name}' is too uncertain in {1 - share:.0%} of the contact's frames, where "
             "the place of the pad is taken instead: is the unit of its moments right, is the sensor far away?",
+        )
+
+
+def _course(recording: Recording, source: str) -> Iterator[Finding]:
+    """A force that pulls, or that comes when nothing meets the surface."""
+    pulling = stated(recording, "contact_thresholds_n", source, "pulling_share")
+    if pulling is not None and pulling > PULLS:
+        yield (
+            SUSPICIOUS,
+            f"the force of '{source}' pulls at the subject in {pulling:.0%} of the time: does something touch in its "
+            "tare window, does it drift, is its sign wrong?",
+        )
+    delay, sd = (stated(recording, "force_delays_s", source, key) for key in ("delay", "sd"))
+    if delay is not None and sd is not None and abs(delay) > max(LATE, LATE_SDS * sd):
+        when = "after" if delay > 0 else "before"
+        yield (
+            SUSPICIOUS,
+            f"the force of '{source}' comes {1e3 * abs(delay):.0f} +- {1e3 * sd:.0f} ms {when} the pad meets the "
+            "surface: are both clocks the same? [clock] correlate takes such a delay out",
         )
 
 

@@ -96,13 +96,16 @@ def _smooth(force: np.ndarray, rate: float, cutoff: float) -> np.ndarray:
 
 def _channel_doubts(motion: MotionFile, source: SourceSpec) -> list[str]:
     doubts = []
-    for column in motion.plates[source.plate - 1].channels if source.plate else _columns(motion, source):
+    columns = motion.plates[source.plate - 1].channels if source.plate else _columns(motion, source)
+    # A point of application on the level floor keeps one coordinate, and the moment about it two.
+    forces = columns[:3] if source.kind == "force_at_point" else columns
+    for column in columns:
         channel, label = motion.analog[:, column], motion.analog_names[column]
         if not np.isfinite(channel).any():
             doubts.append(f"channel '{label}' is empty")
-        elif float(np.nanstd(channel)) == 0:
+        elif float(np.nanstd(channel)) == 0 and column in forces:
             doubts.append(f"channel '{label}' is constant")
-        elif _saturates(channel):
+        elif float(np.nanstd(channel)) > 0 and _saturates(channel):
             doubts.append(f"channel '{label}' stays at its largest value {np.nanmax(np.abs(channel)):g}; saturated?")
     return doubts
 

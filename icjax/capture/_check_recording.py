@@ -126,14 +126,17 @@ def _poses(recording: Recording) -> Iterator[Finding]:
     if not valid.all():
         share = 100 * float(np.mean(~valid))
         yield (SUSPICIOUS if share > 5 else ""), f"{share:.1f} % of the frames have no pose"
-    covariance = np.asarray(recording.q_covariance)[valid]
+    covariance = np.asarray(recording.q_covariance)
+    covariance = covariance if valid.all() else covariance[valid]
     variances = np.diagonal(covariance, axis1=1, axis2=2)
-    if np.isfinite(covariance).all() and len(covariance):
-        asymmetry = np.abs(covariance - np.swapaxes(covariance, 1, 2)).max()
-        if np.any(variances < 0) or asymmetry > 1e-6 * max(float(variances.max()), 1e-300):
-            yield ERROR, "q_covariance is not symmetric with a positive diagonal"
-    elif len(covariance):
+    mirrored = np.swapaxes(covariance, 1, 2)
+    if not np.isfinite(covariance).all():
         yield SUSPICIOUS, "q_covariance is not finite in some valid frames: how well the angles are known is unknown"
+    elif np.any(variances < 0) or (
+        not np.array_equal(covariance, mirrored)
+        and np.abs(covariance - mirrored).max() > 1e-6 * max(float(variances.max()), 1e-300)
+    ):
+        yield ERROR, "q_covariance is not symmetric with a positive diagonal"
     yield from _vague(recording.model, variances)
     yield from _filtered(recording)
     yield from marker_findings(recording, stated(recording, "placement_sd_m"))

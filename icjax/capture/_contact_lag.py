@@ -67,7 +67,13 @@ def pad_heights(
 
 
 def clock_from_contacts(
-    height: Signal, radius: float, force: Signal, guess: float, within: float, drift_sd: float
+    height: Signal,
+    radius: float,
+    force: Signal,
+    guess: float,
+    within: float,
+    drift_sd: float,
+    least: float = LEAST_CORRELATION,
 ) -> Clock:
     """Offset of the force clock, and its drift where contacts late in the trial show one.
 
@@ -79,7 +85,8 @@ def clock_from_contacts(
     sqrt((1 - rho^2) / (N rho |rho''|)) with N = 2 x 25 Hz x seconds of contact.
 
     **Arguments**: `height` m over the surface, marker clock; `radius` of the pad, m; `force` N, pressing, its own
-    clock; `guess`, `within` s; `drift_sd`: what is stated of a drift that is not seen and taken as zero.
+    clock; `guess`, `within` s; `drift_sd`: what is stated of a drift that is not seen and taken as zero; `least`: the
+    correlation below which the peak counts as low.
 
     **Errors**: `ValueError` when there is no contact, the peak is low, has a rival or lies at the end of the range.
     """
@@ -98,24 +105,24 @@ def clock_from_contacts(
         found = _correlation(candidate, pushed, np.round((lags + start - grid[0]) / STEP).astype(int))
         if found.max() > best:
             best, rho, depth = float(found.max()), found, candidate
-    peak = _certain_peak(lags, rho)
+    peak = _certain_peak(lags, rho, least)
     lag, curvature = _parabola(lags, rho, peak)
     contacts = [item for item in runs(pressing > 0.1 * pressing.max()) if item[1] - item[0] > 2 * EDGE / STEP]
     seconds = STEP * sum(stop - first for first, stop in contacts)
     width = np.sqrt((1 - best**2) / (best * max(curvature, 1e-12) * max(2 * CUTOFF * seconds, 1.0)))
-    least = float(np.median(np.diff(height.time)))
+    frame = float(np.median(np.diff(height.time)))
     when, each = _each_contact(clock, depth, grid, pushed, contacts, lag)
     if len(each) < 2:
-        covariance = np.diag([max(least, width) ** 2, drift_sd**2])
+        covariance = np.diag([max(frame, width) ** 2, drift_sd**2])
         return clock_from_line(lag, 0.0, covariance, float(height.time[-1]), "one contact, correlated")
     told = f"correlation {best:.2f} of pad depth and force, {len(each)} contacts"
-    sd = max(least, width, float(np.std(each, ddof=1)) / np.sqrt(len(each)))
+    sd = max(frame, width, float(np.std(each, ddof=1)) / np.sqrt(len(each)))
     if len(each) > 3:
         line, covariance = np.polyfit(when, each, 1, cov="unscaled")
-        scatter = max(least**2, float(np.sum((each - np.polyval(line, when)) ** 2)) / (len(each) - 2))
+        scatter = max(frame**2, float(np.sum((each - np.polyval(line, when)) ** 2)) / (len(each) - 2))
         covariance = covariance[::-1, ::-1] * scatter
         if abs(line[0]) > 3 * np.sqrt(covariance[1, 1]):
-            covariance = covariance + np.diag([least**2, 0.0])
+            covariance = covariance + np.diag([frame**2, 0.0])
             return clock_from_line(line[1], line[0], covariance, float(height.time[-1]), told + ", with drift")
     return clock_from_line(lag, 0.0, np.diag([sd**2, drift_sd**2]), float(height.time[-1]), told + ", no drift seen")
 
@@ -133,12 +140,10 @@ def _correlation(x: np.ndarray, y: np.ndarray, shifts: np.ndarray) -> np.ndarray
     return np.where(inside, full[np.clip(index, 0, len(full) - 1)], 0.0)
 
 
-def _certain_peak(lags: np.ndarray, rho: np.ndarray) -> int:
+def _certain_peak(lags: np.ndarray, rho: np.ndarray, least: float) -> int:
     peak = int(np.argmax(rho))
-    if rho[peak] < LEAST_CORRELATION:
-        raise ValueError(
-            f"pad depth and force correlate by {rho[peak]:.2f} at most (needed: {LEAST_CORRELATION:g}); no offset"
-        )
+    if rho[peak] < least:
+        raise ValueError(f"pad depth and force correlate by {rho[peak]:.2f} at most (needed: {least:g}); no offset")
     if peak in (0, len(lags) - 1):
         raise ValueError(f"the correlation is largest at the end of the range, {lags[peak]:.3f} s; give 'offset'")
     others = np.abs(lags - lags[peak]) > SEPARATE

@@ -68,6 +68,8 @@ def trial_contacts(
         # A force recording may be longer than the movement's; what it holds beside it is no event of the trial.
         found = [(on, off) for on, off in found if on <= time[-1] and not off < time[0]]
         thresholds[sensor.name] = {"noise": course.noise, "onset": course.onset, "release": course.release}
+        if sensor.surface is not None:
+            thresholds[sensor.name]["pulling_share"] = float(np.mean(course.value < -course.onset))
         wrench = on_marker_clock(sensor, time, spec.filter.forces)
         try:
             who = _who_touched(spec.model, targets, angles, wrench, time, found)

@@ -117,11 +117,8 @@ def joint_angles(
 
 
 def first_frames(seen: Bool[np.ndarray, "frame marker"], rate: float) -> np.ndarray:
-    """Frames that the first solution needs: `FIRST_RATE` of them a second, and those with a gap or next to one."""
-    gap = np.asarray(~seen.all(axis=1))
-    wanted = np.array(gap)
-    wanted[1:] |= gap[:-1]
-    wanted[:-1] |= gap[1:]
+    """Frames that the first solution needs: `FIRST_RATE` of them a second, and those with a gap."""
+    wanted = np.array(~seen.all(axis=1))
     wanted[:: max(1, int(rate / FIRST_RATE))] = True
     wanted[-1] = True
     return np.flatnonzero(wanted)
@@ -165,7 +162,7 @@ def _gaps_again(
 
 
 def _bridged(poses: PoseSolution, frames: np.ndarray, markers: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """Markers with their gaps filled from the poses at `frames`, which hold every gap and what is next to it."""
+    """Markers with their gaps filled from the poses at `frames`, which hold every gap and what is near it."""
     result = markers.copy()
     for marker in range(markers.shape[1]):
         here = seen[frames, marker]

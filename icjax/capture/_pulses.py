@@ -21,12 +21,14 @@ class Edges(NamedTuple):
     - `time` s: interpolated crossing of half the range.
     - `before`, `after` s: the samples next to the crossing. `resolved`: whether a sample fell into the edge itself,
       so that the interpolation means something; otherwise the edge is anywhere between the two.
+    - `began_high`: the channel begins within a pulse, whose edge is not among these.
     """
 
     time: Float[np.ndarray, " edge"]
     before: Float[np.ndarray, " edge"]
     after: Float[np.ndarray, " edge"]
     resolved: Bool[np.ndarray, " edge"]
+    began_high: bool = False
 
 
 def rising_edges(channel: Float[np.ndarray, " sample"], time: Float[np.ndarray, " sample"]) -> Edges:
@@ -41,7 +43,8 @@ def rising_edges(channel: Float[np.ndarray, " sample"], time: Float[np.ndarray, 
     if high - low < CLEAR * 1.4826 * noise:
         raise ValueError("has no two levels; it looks like noise")
     rises, armed = [], False
-    for index in np.flatnonzero((share < LOW) | (share > HIGH)).tolist():
+    settled = np.flatnonzero((share < LOW) | (share > HIGH))
+    for index in settled.tolist():
         if share[index] < LOW:
             armed = True
         elif armed:
@@ -52,7 +55,13 @@ def rising_edges(channel: Float[np.ndarray, " sample"], time: Float[np.ndarray, 
     step = time[before + 1] - time[before]
     inside = ((a > FLAT) & (a < 1 - FLAT)) | ((b > FLAT) & (b < 1 - FLAT))
     crossing = time[before] + step * np.where(inside, (0.5 - a) / (b - a), 0.5)
-    return Edges(time=crossing, before=time[before], after=time[before + 1], resolved=inside)
+    return Edges(
+        time=crossing,
+        before=time[before],
+        after=time[before + 1],
+        resolved=inside,
+        began_high=bool(share[settled[0]] > HIGH),
+    )
 
 
 def _crossing(share: np.ndarray, index: int) -> int:

@@ -32,6 +32,9 @@ def read_source(table: Table) -> SourceSpec:
         channels = table.texts("channels")
         if len(channels) != CHANNELS[kind]:
             raise table.error(f"key 'channels' lists {len(channels)} channels; kind '{kind}' needs {CHANNELS[kind]}")
+        for channel in channels:
+            if channels.count(channel) > 1:
+                raise table.error(f"key 'channels' lists '{channel}' twice")
     if kind == "normal":
         frame = table.choice("frame", ["body", "world"], "body")
         direction = unit(table, table.vector("normal"))

@@ -45,6 +45,13 @@ class Export:
         else:
             raise ValueError(f"{self.record}: holds a {kind}; export takes a recording, a session or an interaction")
         chosen = self._chosen(items)
+        for item in chosen:
+            up = -np.asarray(item.model.gravity)
+            if self.y_up and up.any() and np.argmax(np.abs(up)) != 2:
+                told = ", ".join(f"{value:g}" for value in -up)
+                raise ValueError(
+                    f"--y-up turns a world with z up; gravity of '{item.name}' is ({told}) m/s2, so leave it out"
+                )
         lines = []
         with Steps(1).step("export") as progress:
             for index, item in enumerate(chosen):

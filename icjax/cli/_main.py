@@ -3,6 +3,7 @@
 import gc
 import os
 import sys
+import warnings
 from pathlib import Path
 
 import tyro
@@ -33,9 +34,20 @@ VERBS = {
 DESCRIPTION = """Interaction capture: from a recording of motion and contact force to joint compliance and
 reference trajectory, transferred to other surfaces by frictional contact simulation.
 
-A first run:  icjax demo --out icjax-demo
-Your files:   icjax check session.toml;  icjax capture session.toml --out DIR;
-              icjax estimate DIR/recording.nc;  icjax transfer DIR/interaction.nc;  icjax report DIR
+A first run: icjax demo --out icjax-demo
+
+Your files, one after the other:
+
+icjax check session.toml
+
+icjax capture session.toml --out DIR
+
+icjax estimate DIR/recording.nc
+
+icjax transfer DIR/interaction.nc
+
+icjax report DIR
+
 Other programs: icjax export DIR/recording.nc --out DIR/opensim"""
 
 
@@ -51,6 +63,7 @@ def main(arguments: list[str] | None = None) -> int:
     verb = tyro.extras.subcommand_cli_from_dict(
         VERBS, prog="icjax", description=DESCRIPTION, args=arguments or ["--help"]
     )
+    warnings.showwarning = _note
     try:
         if not isinstance(verb, Demo):  # which starts a second process before the seconds that importing JAX takes
             configure_jax()
@@ -80,6 +93,11 @@ def configure_jax() -> None:
     cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "icjax"
     jax.config.update("jax_compilation_cache_dir", os.environ.get("JAX_COMPILATION_CACHE_DIR", str(cache)))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+
+
+def _note(message, category, filename, lineno, file=None, line=None) -> None:
+    """A warning as a line for people: what it says, and not which line of which file says it."""
+    print(f"note: {_one_line(message)}", file=sys.stderr)
 
 
 def _one_line(error: BaseException) -> str:

@@ -186,3 +186,21 @@ def test_an_absent_sync_channel_is_named(daq):
     spec = dataclasses.replace(daq, clock=dataclasses.replace(daq.clock, sync="PULSE"))
     with pytest.raises(FileError, match=r"trial00_force_daq\.csv: has no analog channel 'PULSE'"):
         load_trial(spec, spec.trials[0])
+
+
+def test_a_channel_that_begins_within_a_pulse_needs_an_offset(daq, tmp_path):
+    trial = daq.trials[0]
+    header, *rows = trial.forces.read_text().splitlines()
+    values = np.array([[float(cell) for cell in row.split(",")] for row in rows])
+    sync = values[:, header.split(",").index("SYNC")]
+    first = int(np.flatnonzero(sync > 0.5 * sync.max())[0]) + 5
+    cut = values[first:].copy()
+    cut[:, 0] -= cut[0, 0]
+    path = tmp_path / "cut.csv"
+    path.write_text("\n".join([header, *(",".join(map(repr, map(float, row))) for row in cut)]))
+    short = dataclasses.replace(trial, forces=path, tare=((1.0, 1.1),))
+    with pytest.raises(FileError, match=r"'SYNC' begins within a pulse, .* the key 'offset' of \[clock\]"):
+        load_trial(daq, short)
+    # The file begins 5 ms after the rise of the first pulse, which is at 0 on the marker clock.
+    told = dataclasses.replace(daq, clock=dataclasses.replace(daq.clock, offset=0.0))
+    assert abs(load_trial(told, short).metadata["clock"].offset + 0.005) < 0.001

@@ -117,7 +117,7 @@ def test_check_tells_rates_channels_gaps_and_doubts(tmp_path):
     assert "500 frames at 500 Hz" in text
     assert "1000 analog samples at 1000 Hz: Fx (N)" in text
     assert f"gaps: {MODEL.site_names[3]} 40.0 %" in text
-    assert f"suspicious: trial 'one': marker '{MODEL.site_names[3]}' is missing in 40 % of the frames" in text
+    assert f"suspicious: trial 'one': markers are missing, '{MODEL.site_names[3]}' in 40 % of the frames" in text
     assert "suspicious: trial 'one': channel 'Fx' stays at its largest value 5" in text
     assert "reads 0.52 N unloaded" in text or "N unloaded (noise" in text
     assert "error" not in text
@@ -155,6 +155,7 @@ def test_check_suspects_a_wrong_unit(tmp_path):
         ("markers = 20.0", "markers = -1.0", "[filter] key 'markers' must be a number of at least 0.1, not -1.0"),
         ('name = "plate"\n', 'name = "plate"\nsort = 1\n', "[[source]] 1 'plate': has the unknown key 'sort'"),
         ('"Tz"]', "]", "key 'channels' lists 5 channels; kind 'six_axis' needs 6"),
+        ('"Tz"]', '"Ty"]', "key 'channels' lists 'Ty' twice"),
         ('sign = "on_environment"\n', "", "[[source]] 1 'plate': needs the key 'sign'"),
         ("[[0, 1, 0], [1, 0, 0]", "[[0, 2, 0], [1, 0, 0]", "key 'rotation' must be three rows of a rotation matrix"),
         ("tare = [0.0, 0.2]", "tare = [0.2, 0.0]", "key 'tare' must be an interval [from, to] in s"),

@@ -8,6 +8,7 @@ import pytest
 
 from icjax.capture import capture, check_recording, read_session
 from icjax.cli import main
+from icjax.files import read_c3d, write_c3d
 from icjax.laboratory import record
 from icjax.recording import Session
 
@@ -163,3 +164,33 @@ def test_a_text_field_must_hold_text(sound):
     object.__setattr__(copy := dataclasses.replace(broken), "provenance", 5)
     with pytest.raises(ValueError, match="provenance is 5, not text"):
         type(copy).__check_init__(copy)
+
+
+def test_a_tare_window_within_a_contact_leaves_a_force_that_pulls(studio, sound):
+    onset, release = (float(x[0]) for x in (sound.recordings[0].events.onset, sound.recordings[0].events.release))
+    text = (studio / "session.toml").read_text()
+    tare = next(line for line in text.splitlines() if line.startswith("tare = "))
+    middle = 0.5 * (onset + release)
+    told = suspicions(again(studio, tare, f"tare = [{middle:.3f}, {middle + 0.05:.3f}]"))
+    assert any("the force of 'plate' pulls at the subject in" in line for line in told), told
+
+
+@pytest.mark.parametrize("late", [-0.06, 0.1, 0.3])
+def test_forces_on_another_clock_are_told(studio, late):
+    motion = read_c3d(studio / "trial00.c3d")
+    samples = round(late * motion.analog_rate)
+    write_c3d(
+        studio / "late.c3d",
+        marker_names=motion.marker_names,
+        markers=motion.markers,
+        marker_rate=motion.marker_rate,
+        analog_names=motion.analog_names,
+        analog_units=motion.analog_units,
+        analog=np.roll(motion.analog, samples, axis=0),
+        analog_rate=motion.analog_rate,
+    )
+    told = suspicions(again(studio, 'file = "trial00.c3d"', 'file = "late.c3d"'))
+    when = "before" if late < 0 else "after"
+    found = [line for line in told if "the pad meets the surface" in line and when in line]
+    assert found, told
+    assert float(found[0].split("comes ")[1].split(" ")[0]) == pytest.approx(1e3 * abs(late), abs=8)

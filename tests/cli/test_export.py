@@ -178,6 +178,17 @@ def test_the_c3d_is_another_recording_of_the_same_trial(session, tmp_path):
     np.testing.assert_allclose(again.wrench, before.channels.wrench[:, 0], rtol=0, atol=4 * SINGLE)
 
 
+def test_a_world_with_y_up_is_not_turned_again(session, tmp_path, capsys):
+    stored = Session.load(session)
+    first = stored.recordings[0]
+    model = dataclasses.replace(first.model, gravity=np.array([0.0, -9.81, 0.0]))
+    recordings = (dataclasses.replace(first, model=model), *stored.recordings[1:])
+    dataclasses.replace(stored, recordings=recordings).save(tmp_path / "upright.nc")
+    assert main(["export", str(tmp_path / "upright.nc"), "--out", str(tmp_path / "out"), "--y-up"]) == 2
+    assert "gravity of 'one' is (0, -9.81, 0) m/s2, so leave it out" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_y_up_turns_everything_alike(session, tmp_path):
     """Markers, forces, points and the free body turn together: a point of the body goes where the scene goes."""
     for flags in ([], ["--y-up"]):
