@@ -33,7 +33,7 @@ class Estimate:
     def run(self) -> None:
         from icjax.capture import check_recording
         from icjax.cli._output import Steps
-        from icjax.estimation import EstimationOptions, estimate
+        from icjax.estimation import EstimationOptions, estimates
         from icjax.recording import Session
 
         session = Session.load(self.recording)
@@ -41,24 +41,26 @@ class Estimate:
         if errors:
             raise ValueError(f"{self.recording} is unusable: {errors[0].removeprefix('error: ')}")
         options = EstimationOptions(window_before=self.window, window_after=self.window, degree=self.degree)
-        steps = Steps(1 + self.explain)
-        with steps.step("compliance at contact and reference trajectory") as progress:
-            interactions = estimate(session, options, progress=progress)
-        known = [item.name for item in interactions]
+        known = [item.name for item in session.trials()]
         if self.trial is not None and self.trial not in known:
             raise ValueError(f"--trial {self.trial}: {self.recording} has the trials {', '.join(known)}")
-        folder = self.out or self.recording.parent
-        chosen = interactions[known.index(self.trial) if self.trial else 0]
+        folder, first = self.out or self.recording.parent, self.trial or (known or [None])[0]
+        steps = Steps(1 + self.explain)
+        chosen = None
+        with steps.step("compliance at contact and reference trajectory") as progress:
+            for item in estimates(session, options, progress, known if self.all else (first,)):
+                if self.all:
+                    item.save(folder / f"interaction_{item.name}.nc")
+                if item.name == first:
+                    item.save(folder / "interaction.nc")
+                    chosen = item
         print(summary_text(chosen))
         if self.explain:
             with steps.step("the same over other windows and degrees"):
                 told = explanation_text(session.trials(), chosen, options)
             print(told)
-        chosen.save(folder / "interaction.nc")
-        print(f"wrote {folder / 'interaction.nc'} (trial {chosen.name})")
+        print(f"wrote {folder / 'interaction.nc'} (trial {first})")
         if self.all:
-            for item in interactions:
-                item.save(folder / f"interaction_{item.name}.nc")
             print(f"wrote {folder / 'interaction_<trial>.nc'} for {', '.join(known)}")
 
 

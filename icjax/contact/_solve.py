@@ -9,6 +9,7 @@ from icjax import lcp
 from icjax.contact._assemble import assemble, check, masked
 from icjax.contact._cone import friction_cone, gauge
 from icjax.contact._problem import ContactForces, ContactProblem
+from icjax.contact._scale import dimensionless
 from icjax.lcp import Lemke
 from icjax.results import Solution
 
@@ -24,9 +25,7 @@ def solve(
 ) -> Solution[ContactForces]:
     """Solves the frictional contact problem of one step, ``f = D beta`` with (beta, lambda) from the LCP.
 
-    The problem is made dimensionless first: lengths by L, the largest ``|s + D^T du_free|``; forces by ``L / w`` with
-    w the mean diagonal of ``D^T W D``, both over the active slots (and rounded to a power of two, exact in floating
-    point).
+    The problem is made dimensionless first ([`dimensionless`][icjax.contact.dimensionless]).
 
     Forces and displacements are differentiable in every number of the problem, in forward and reverse mode (the
     derivative of [`icjax.lcp.solve`]; of a failed solve it is zero). Where f is not unique (W singular), so is not its
@@ -57,8 +56,8 @@ def solve(
     count = problem.gap.shape[0]
     size = 2 * facets + 1
     cone = friction_cone(problem.frames, problem.friction, facets)
-    length, compliance = _scales(problem, cone)
-    M, q = assemble(_dimensionless(problem, length, compliance), facets)
+    scaled, length, compliance = dimensionless(problem, facets)
+    M, q = assemble(scaled, facets)
     q = jnp.where(jnp.any(problem.friction < 0), jnp.nan, q)
     nudge = _perturbation(problem.active, cone)
     solution = lcp.solve(M, q, solver, perturbation=nudge, throw=throw)
@@ -88,20 +87,6 @@ def solve(
     return Solution(value=value, result=solution.result, stats=stats)
 
 
-def _scales(problem: ContactProblem, cone):
-    """Length and compliance scale, powers of two without derivative (the solution does not depend on them)."""
-    count = problem.gap.shape[0]
-    live = problem.active[:, None]
-    free = problem.free_displacement.reshape(count, 3)
-    s = jnp.einsum("iaj,ia->ij", cone.D, free).at[:, 0].add(problem.gap)
-    blocks = jnp.einsum("iaib->iab", problem.coupling.reshape(count, 3, count, 3))
-    diagonal = jnp.einsum("iaj,iab,ibj->ij", cone.D, blocks, cone.D)
-    length = jnp.max(jnp.where(live, jnp.abs(s), 0.0), initial=0.0)
-    live_count = jnp.maximum(jnp.sum(problem.active) * diagonal.shape[1], 1)
-    compliance = jnp.sum(jnp.where(live, diagonal, 0.0)) / live_count
-    return _power_of_two(lax.stop_gradient(length)), _power_of_two(lax.stop_gradient(compliance))
-
-
 def _perturbation(active, cone):
     """Perturbation of q that a small random free displacement makes: it leaves physical contact states only.
 
@@ -117,23 +102,6 @@ def _perturbation(active, cone):
     nu = jnp.where(active[:, None], nu, 1.0)
     sigma = jnp.asarray(random.uniform(1e-6, 2e-6, count), D.dtype)
     return jnp.concatenate([nu.reshape(-1), sigma])
-
-
-def _power_of_two(x):
-    usable = (x > 0) & jnp.isfinite(x)
-    _, exponent = jnp.frexp(jnp.where(usable, x, 1.0))
-    return jnp.where(usable, jnp.ldexp(jnp.ones_like(x), exponent), 1.0)
-
-
-def _dimensionless(problem: ContactProblem, length, compliance) -> ContactProblem:
-    return ContactProblem(
-        coupling=problem.coupling / compliance,
-        free_displacement=problem.free_displacement / length,
-        gap=problem.gap / length,
-        frames=problem.frames,
-        friction=problem.friction,
-        active=problem.active,
-    )
 
 
 def _state_and_margin(problem, beta, nu, slip_multiplier, force, displacement, *, facets, tolerance):

@@ -8,6 +8,7 @@ from icjax.estimation._endpoint import endpoint_compliance as endpoint_complianc
 from icjax.estimation._endpoint import in_series as in_series
 from icjax.estimation._endpoint import stiffness_interval as stiffness_interval
 from icjax.estimation._estimate import estimate as estimate
+from icjax.estimation._estimate import estimates as estimates
 from icjax.estimation._excitation import Excitation as Excitation
 from icjax.estimation._excitation import excitation as excitation
 from icjax.estimation._joints import compliant_dofs as compliant_dofs

@@ -2,7 +2,7 @@
 
 import dataclasses
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterator
 
 import numpy as np
 
@@ -45,6 +45,20 @@ def estimate(
 
     Source: Kry and Pai 2006, sections 3.3, 3.4, 4.3.
     """
+    return tuple(estimates(session, options, progress))
+
+
+def estimates(
+    session: Session,
+    options: EstimationOptions | None = None,
+    progress: Callable[[float], object] | None = None,
+    wanted: Collection[str] | None = None,
+) -> Iterator[Interaction]:
+    """The interactions of `estimate` one after the other, so that a long session's need not be held together.
+
+    **Arguments**: as for `estimate`; `wanted` names the trials whose interaction is made, default all (compliance is
+    pooled over all of them in any case).
+    """
     options = options or EstimationOptions()
     report = progress or (lambda fraction: None)
     trials = session.trials()
@@ -57,11 +71,10 @@ def estimate(
     per_event = compliance_at_contact(trials, options, tuple(torques), tuple(deviations))
     summary = summarise(per_event, options.pool_negative)
     report(0.6)
-    interactions = []
     for done, (recording, torque, deviation) in enumerate(zip(trials, torques, deviations, strict=True)):
-        interactions.append(_interaction(session, recording, torque, deviation, per_event, summary, options))
+        if wanted is None or recording.name in wanted:
+            yield _interaction(session, recording, torque, deviation, per_event, summary, options)
         report(0.6 + 0.4 * (done + 1) / len(trials))
-    return tuple(interactions)
 
 
 def _check(session: Session, trials: tuple[Recording, ...], options: EstimationOptions) -> None:

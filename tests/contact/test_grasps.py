@@ -5,12 +5,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from contact_scenes import KINDS, grasp, one_contact
+from contact_scenes import one_contact
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from icjax import lcp
-from icjax.contact import ContactProblem, assemble, contact_frame, gauge, solve
+from icjax.contact import FAMILIES, ContactProblem, assemble, contact_frame, gauge, random_grasp, solve
 from icjax.lcp import residual
 from icjax.results import RESULTS
 
@@ -42,10 +42,10 @@ def reordered(problem: ContactProblem, order) -> ContactProblem:
 
 
 @settings(max_examples=40, deadline=None)
-@given(seed=st.integers(0, 10**6), live=st.integers(3, SLOTS), kind=st.sampled_from(KINDS))
+@given(seed=st.integers(0, 10**6), live=st.integers(3, SLOTS), kind=st.sampled_from(FAMILIES))
 def test_axioms(seed, live, kind):
     """Solved; force in the cone; no penetration; gap times force zero; friction dissipates all that it can."""
-    problem = grasp(seed, SLOTS, kind, live)
+    problem = random_grasp(seed, SLOTS, kind, live)
     solution = answer(problem)
     assert bool(solution.result == RESULTS.solved)
     assert float(solution.stats["residual"]) <= REACHED
@@ -77,7 +77,7 @@ def gauge_dual(slip, m=4):
 
 def test_residual_of_the_assembled_problem():
     """The solution, written as (beta, lambda), solves the LCP of Section 7.1.3 in SI units too."""
-    problem = grasp(5, 4)
+    problem = random_grasp(5, 4)
     value = answer(problem).value
     M, q = assembled(problem, 4)
     assert M.shape == (40, 40)
@@ -94,7 +94,7 @@ def test_residual_of_the_assembled_problem():
 
 def test_assembled_blocks():
     """Signs and places of Section 7.1.3 by a direct product of block-diagonal matrices."""
-    problem = grasp(8, 2)
+    problem = random_grasp(8, 2)
     M, q = assembled(problem, 2)
     n, t1, t2 = np.moveaxis(problem.frames, 2, 0)
     D = np.zeros((6, 10))
@@ -114,7 +114,7 @@ def test_assembled_blocks():
 
 def test_order_of_contacts_does_not_matter():
     for seed in range(3):
-        problem = grasp(seed, SLOTS, "random", 5)
+        problem = random_grasp(seed, SLOTS, "random", 5)
         order = np.random.default_rng(seed).permutation(SLOTS)
         first, second = answer(problem).value, answer(reordered(problem, order)).value
         size = np.max(np.abs(first.displacement))
@@ -126,7 +126,7 @@ def test_rotation_of_the_world_rotates_the_answer():
     """All vectors and frames turned together."""
     rotation = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
     rotation *= np.linalg.det(rotation)
-    problem = grasp(2, SLOTS, "random", 5)
+    problem = random_grasp(2, SLOTS, "random", 5)
     wide = np.kron(np.eye(SLOTS), rotation)
     turned = ContactProblem(
         wide @ problem.coupling @ wide.T,
@@ -143,7 +143,7 @@ def test_rotation_of_the_world_rotates_the_answer():
 
 def test_units_do_not_matter():
     """Lengths in other units, forces in other units: the same numbers in those units."""
-    problem = grasp(3, SLOTS, "random", 5)
+    problem = random_grasp(3, SLOTS, "random", 5)
     scaled = ContactProblem(
         problem.coupling * 1e-7,
         problem.free_displacement * 1e-4,
@@ -159,7 +159,7 @@ def test_units_do_not_matter():
 
 def test_masked_slots_do_not_exist():
     """Zero force and displacement whatever they hold, and the rest as if they were absent."""
-    problem = grasp(4, SLOTS, "random", 4)
+    problem = random_grasp(4, SLOTS, "random", 4)
     masked = ~problem.active
     wide = np.repeat(masked, 3)
     garbage = ContactProblem(
@@ -183,7 +183,7 @@ def test_masked_slots_do_not_exist():
 
 
 def test_jit_eager_and_vmap_agree():
-    problems = [grasp(seed, SLOTS, "random", 4) for seed in range(3)]
+    problems = [random_grasp(seed, SLOTS, "random", 4) for seed in range(3)]
     stacked = jax.tree.map(lambda *x: np.stack(x), *problems)
     batch = jax.jit(jax.vmap(lambda p: solve(p, facets=4)))(stacked)
     for k, problem in enumerate(problems):
