@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 LAYERS = [
-    {"typing", "results", "running"},
+    {"compiling", "typing", "results", "running"},
     {"spatial", "lcp", "inference"},
     {"geometry", "files"},
     {"model"},

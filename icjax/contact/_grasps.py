@@ -66,7 +66,7 @@ def random_grasp(seed: int, contacts: int, family: str = "random", active: int |
         gap[:] = 0.0
     if family == "frictionless":
         friction[:] = 0.0
-    frames = np.asarray(jax.vmap(contact_frame)(normal))
+    frames = np.asarray(_frames(normal))
     mass, step = rng.uniform(0.012, 1.0), rng.uniform(2e-3, 1e-2)
     lever = np.concatenate([np.block([[_lever(r), np.eye(3)]]) for r in arm])
     coupling = step**2 * (lever / np.repeat([4e-4 * mass, mass], 3)) @ lever.T
@@ -78,6 +78,9 @@ def random_grasp(seed: int, contacts: int, family: str = "random", active: int |
         coupling[block, block] += (jacobian * rng.uniform(0.1, 2.0, 4)) @ jacobian.T
     live = rng.permutation(np.arange(contacts) < (contacts if active is None else active))
     return ContactProblem(coupling, free.reshape(-1), gap, frames, friction, live)
+
+
+_frames = jax.jit(jax.vmap(contact_frame))
 
 
 def _lever(r: np.ndarray) -> np.ndarray:
