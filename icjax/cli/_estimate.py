@@ -44,7 +44,7 @@ class Estimate:
         known = [item.name for item in session.trials()]
         if self.trial is not None and self.trial not in known:
             raise ValueError(f"--trial {self.trial}: {self.recording} has the trials {', '.join(known)}")
-        folder, first = self.out or self.recording.parent, self.trial or (known or [None])[0]
+        folder, first = self.out or self.recording.parent, self.trial or next(iter(known), "")
         steps = Steps(1 + self.explain)
         chosen = None
         with steps.step("compliance at contact and reference trajectory") as progress:
