@@ -75,26 +75,23 @@ def test_lemke_inside_everything():
     close = {"rtol": 1e-9, "atol": 1e-9 * float(jnp.max(alone))}
     np.testing.assert_allclose(jax.jit(jax.vmap(one))(scales), expected, **close)
     np.testing.assert_allclose(jax.vmap(jax.vmap(one))(scales.reshape(2, 2)).reshape(4, -1), expected, **close)
-    np.testing.assert_allclose(jax.lax.map(one, scales), expected, **close)
     np.testing.assert_allclose(jax.lax.scan(lambda c, s: (c, one(s)), None, scales)[1], expected, **close)
     np.testing.assert_allclose(jax.jit(lambda s: jax.lax.cond(s > 1, one, lambda s: 0 * q, s))(2.0), 2 * alone, **close)
     looped = jax.lax.while_loop(lambda c: c[0] < 3, lambda c: (c[0] + 1, one(1.0 + 0.0 * c[1][0])), (0, alone))
     np.testing.assert_allclose(looped[1], alone, **close)
     slope = 2 * float(jnp.sum(alone**2))
-    for derivative in (jax.grad(total), jax.jacfwd(total), jax.grad(jax.checkpoint(total))):
-        np.testing.assert_allclose(jax.jit(derivative)(1.0), slope, rtol=1e-9)
-        np.testing.assert_allclose(jax.jit(jax.vmap(derivative))(scales), slope * scales, rtol=1e-9)
-    np.testing.assert_allclose(jax.hessian(total)(1.0), slope, rtol=1e-9)
+    np.testing.assert_allclose(jax.jit(jax.jacfwd(total))(1.0), slope, rtol=1e-9)
+    np.testing.assert_allclose(jax.jit(jax.vmap(jax.grad(total)))(scales), slope * scales, rtol=1e-9)
 
     def scanned(scales):
-        return jax.lax.scan(lambda carry, s: (carry + total(s), None), 0.0, scales)[0]
+        return jax.lax.scan(lambda carry, s: (carry + jax.checkpoint(total)(s), None), 0.0, scales)[0]
 
-    for derivative in (jax.grad(scanned), jax.jacfwd(scanned), jax.grad(jax.checkpoint(scanned))):
-        np.testing.assert_allclose(jax.jit(derivative)(scales), slope * scales, rtol=1e-9)
+    np.testing.assert_allclose(jax.jit(jax.grad(scanned))(scales), slope * scales, rtol=1e-9)
 
 
-@pytest.mark.parametrize("contacts", [1, 2, 3, 4, 7])
-@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize(
+    ("contacts", "dtype"), [(1, np.float64), (2, np.float64), (3, np.float64), (3, np.float32), (4, np.float32)]
+)
 def test_lemke_of_every_small_size_in_a_short_loop(contacts, dtype):
     """XLA turns loops over little data into one kernel by itself; the two must not meet."""
     M, q = (jnp.asarray(x, dtype) for x in problem(contacts=contacts))

@@ -225,7 +225,7 @@ def test_one_plate_touched_by_two_fingers_in_turn(tmp_path):
         (
             'kind = "normal"\nchannels = ["F1"]\nnormal = [0.6, 0.0, 0.8]',
             PLATE := 'kind = "six_axis"\nchannels = '
-            '["F1", "F1", "F1", "F1", "F1", "F1"]\nposition = [0, 0, 0]\nsign = "on_subject"\ntop = { mass = 0.1 }',
+            '["F1", "F2", "F3", "M1", "M2", "M3"]\nposition = [0, 0, 0]\nsign = "on_subject"\ntop = { mass = 0.1 }',
             "needs the key 'markers' or the key 'accelerometer'",
         ),
     ],
