@@ -140,7 +140,7 @@ class Table:
             raise FileError(self.path, f"{key} must be an array of tables, written [[{key}]]")
         tables = []
         for index, content in enumerate(found):
-            label = f" '{content['name']}'" if isinstance(content, dict) and "name" in content else ""
+            label = f" {content['name']!r}" if isinstance(content, dict) and "name" in content else ""
             tables.append(Table(self.path, f"[[{key}]] {index + 1}{label}:", content))
         return tables
 

@@ -154,6 +154,7 @@ def test_check_suspects_a_wrong_unit(tmp_path):
         ),
         ("markers = 20.0", "markers = -1.0", "[filter] key 'markers' must be a number of at least 0.1, not -1.0"),
         ('name = "plate"\n', 'name = "plate"\nsort = 1\n', "[[source]] 1 'plate': has the unknown key 'sort'"),
+        ('name = "plate"\n', 'name = "\\u0085"\n', r"[[source]] 1 '\x85': key 'name' must be a name without"),
         ('"Tz"]', "]", "key 'channels' lists 5 channels; kind 'six_axis' needs 6"),
         ('"Tz"]', '"Ty"]', "key 'channels' lists 'Ty' twice"),
         ('sign = "on_environment"\n', "", "[[source]] 1 'plate': needs the key 'sign'"),
