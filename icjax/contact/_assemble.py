@@ -1,23 +1,24 @@
 """From a contact problem to the linear complementarity problem of Section 7.1.3."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
-from icjax.contact._cone import friction_cone
+from icjax.contact._cone import tangents
+from icjax.contact._local import LocalProblem, localised
 from icjax.contact._problem import ContactProblem
 from icjax.typing import Float, Real
 
 
 def assemble(problem: ContactProblem, facets: int) -> tuple[Float[Real, "n n"], Float[Real, " n"]]:
-    """The matrices of the contact LCP in ``z = (beta, lambda)``, of size ``n = N (2m + 2)``.
+    """The matrices of the contact LCP in ``z = (beta, lambda, limit forces)``, of size ``n = N (2m + 2) + R``.
 
         [ D^T W D  -E^T ] [beta  ]   [ s + D^T du_free ]   [nu   ]
         [ F         0   ] [lambda] + [ 0               ] = [sigma]   perpendicular to [beta; lambda] >= 0
 
-    All beta come first, contact after contact, the normal first in each; then the lambda. The rows and columns of a
-    masked slot are replaced by those of the identity with q = 1, whose solution is zero.
+    All beta come first, contact after contact, the normal first in each; then the lambda; then the limits, coupled by W
+    to each other and to the beta. The rows and columns of a masked slot are replaced by those of the identity with
+    q = 1, whose solution is zero.
 
     **Arguments**: `problem`; `facets` the number m of opposite tangent pairs.
 
@@ -29,22 +30,39 @@ def assemble(problem: ContactProblem, facets: int) -> tuple[Float[Real, "n n"], 
     **Source**: Kry and Pai (2006), Section 7.1.3, with ``G - U_phi`` written as W.
     """
     check(problem)
-    problem = masked(problem)
-    count = problem.gap.shape[0]
+    return assembled(localised(masked(problem)), facets)
+
+
+def assembled(local: LocalProblem, facets: int) -> tuple[Float[Real, "n n"], Float[Real, " n"]]:
+    """M and q of a problem in its contact frames, where the directions D are the same for all contacts."""
+    count, limits = local.contacts, local.limit_active.shape[0]
     size = 2 * facets + 1
-    cone = friction_cone(problem.frames, problem.friction, facets)
-    coupling = problem.coupling.reshape(count, 3, count, 3)
-    high = jax.lax.Precision.HIGHEST
-    DWD = jnp.einsum("iaj,iakb,kbl->ijkl", cone.D, coupling, cone.D, precision=high)
-    s = jnp.einsum("iaj,ia->ij", cone.D, problem.free_displacement.reshape(count, 3), precision=high)
-    s = s.at[:, 0].add(problem.gap)
-    diagonal = jnp.eye(count, dtype=DWD.dtype)
-    E = (diagonal[:, :, None] * cone.E[:, None, :]).reshape(count, count * size)
-    F = (diagonal[:, :, None] * cone.F[:, None, :]).reshape(count, count * size)
-    M = jnp.block([[DWD.reshape(count * size, count * size), -E.T], [F, jnp.zeros_like(diagonal)]])
-    q = jnp.concatenate([s.reshape(-1), jnp.zeros(count, s.dtype)])
-    live = jnp.concatenate([jnp.repeat(problem.active, size), problem.active])
-    M = jnp.where(live[:, None] & live[None, :], M, jnp.eye(M.shape[0], dtype=M.dtype))
+    dtype = local.offset.dtype
+    directions = np.zeros((3, size))
+    directions[0, 0], directions[1:, 1:] = 1.0, tangents(facets).T
+
+    def spread(rows):
+        """D^T of the rows of the contacts, those of the limits as they are."""
+        contacts = rows[: 3 * count].reshape(count, 3, rows.shape[1])
+        turned = jnp.einsum("aj,iak->ijk", jnp.asarray(directions, dtype), contacts, precision="highest")
+        turned = turned.reshape(count * size, rows.shape[1])
+        return jnp.concatenate([turned, rows[3 * count :]]) if limits else turned
+
+    DWD = spread(spread(local.coupling).T)
+    s = spread(local.offset[:, None])[:, 0]
+    diagonal = jnp.eye(count, dtype=dtype)
+    ones = np.concatenate([[0.0], np.ones(2 * facets)])
+    E = (diagonal[:, :, None] * jnp.asarray(-ones, dtype)[None, None, :]).reshape(count, count * size)
+    first = jnp.asarray(1.0 - ones, dtype)[None, :] * local.friction[:, None]
+    F = (diagonal[:, :, None] * (first - jnp.asarray(ones, dtype)[None, :])[:, None, :]).reshape(count, count * size)
+    betas = count * size
+    M = jnp.block([[DWD[:betas, :betas], -E.T], [F, jnp.zeros_like(diagonal)]])
+    if limits:
+        beside = jnp.concatenate([DWD[:betas, betas:], jnp.zeros((count, limits), dtype)])
+        M = jnp.block([[M, beside], [beside.T, DWD[betas:, betas:]]])
+    q = jnp.concatenate([s[:betas], jnp.zeros(count, dtype), s[betas:]])
+    live = jnp.concatenate([jnp.repeat(local.active, size), local.active, local.limit_active])
+    M = jnp.where(live[:, None] & live[None, :], M, jnp.eye(M.shape[0], dtype=dtype))
     return M, jnp.where(live, q, 1.0)
 
 
@@ -52,7 +70,8 @@ def masked(problem: ContactProblem) -> ContactProblem:
     """The problem with harmless numbers in its masked slots, before anything is computed with them."""
     active = jnp.asarray(problem.active)
     dtype = jnp.result_type(problem.coupling, problem.free_displacement, problem.gap, problem.frames)
-    wide = jnp.repeat(active, 3)
+    limit_gap = jnp.asarray(problem.limit_gap, dtype)
+    wide = jnp.concatenate([jnp.repeat(active, 3), limit_gap != jnp.inf])
     return ContactProblem(
         coupling=jnp.where(wide[:, None] & wide[None, :], jnp.asarray(problem.coupling, dtype), 0.0),
         free_displacement=jnp.where(wide, jnp.asarray(problem.free_displacement, dtype), 0.0),
@@ -60,15 +79,17 @@ def masked(problem: ContactProblem) -> ContactProblem:
         frames=jnp.where(active[:, None, None], jnp.asarray(problem.frames, dtype), jnp.eye(3, dtype=dtype)[None]),
         friction=jnp.where(active, jnp.asarray(problem.friction, dtype), 0.0),
         active=active,
+        limit_gap=limit_gap,
     )
 
 
 def check(problem: ContactProblem) -> None:
     """Raises `ValueError` on shapes that do not agree and on a concrete negative friction coefficient."""
-    count = np.shape(problem.gap)[0]
+    count, limits = np.shape(problem.gap)[0], np.shape(problem.limit_gap)[0]
+    size = 3 * count + limits
     wanted = {
-        "coupling": (3 * count, 3 * count),
-        "free_displacement": (3 * count,),
+        "coupling": (size, size),
+        "free_displacement": (size,),
         "frames": (count, 3, 3),
         "friction": (count,),
         "active": (count,),
@@ -76,7 +97,8 @@ def check(problem: ContactProblem) -> None:
     for name, shape in wanted.items():
         if np.shape(getattr(problem, name)) != shape:
             found = np.shape(getattr(problem, name))
-            raise ValueError(f"{name} must have shape {shape} for {count} contacts; got {found}")
+            beside = f" and {limits} limits" if limits else ""
+            raise ValueError(f"{name} must have shape {shape} for {count} contacts{beside}; got {found}")
     if not isinstance(problem.friction, Tracer) and not isinstance(problem.active, Tracer):
         friction = np.where(np.asarray(problem.active), np.asarray(problem.friction), 0.0)
         if np.any(friction < 0):

@@ -35,9 +35,9 @@ def friction_cone(frames: Float[Real, "contact 3 3"], friction: Float[Real, " co
 
     **Source**: Kry and Pai (2006), Section 7.1.1, Eq. 8 and 9.
     """
-    tangents = jnp.asarray(_tangents(facets), jnp.result_type(frames))
+    directions = jnp.asarray(tangents(facets), jnp.result_type(frames))
     count = 2 * facets
-    D = jnp.concatenate([frames[:, :, :1], frames[:, :, 1:] @ tangents.T], axis=2)
+    D = jnp.concatenate([frames[:, :, :1], frames[:, :, 1:] @ directions.T], axis=2)
     ones = -jnp.ones((frames.shape[0], count), D.dtype)
     E = jnp.concatenate([jnp.zeros((frames.shape[0], 1), D.dtype), ones], axis=1)
     F = jnp.concatenate([jnp.asarray(friction, D.dtype)[:, None], ones], axis=1)
@@ -57,7 +57,7 @@ def gauge(tangential: Float[Real, "2"], facets: int) -> Scalar:
     return jnp.max(jnp.asarray(normals, jnp.result_type(tangential)) @ tangential)
 
 
-def _tangents(facets: int) -> np.ndarray:
+def tangents(facets: int) -> np.ndarray:
     """Unit tangents in the tangent plane `[2m, 2]`, opposite pairs together."""
     angles = np.arange(_checked(facets)) * np.pi / facets
     half = np.stack([np.cos(angles), np.sin(angles)], axis=1)

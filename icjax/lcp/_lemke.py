@@ -30,9 +30,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from icjax.compiling import as_one_kernel
-from icjax.lcp._residual import residual
-from icjax.typing import Float, Real
+from icjax.lcp._residual import tolerance
+from icjax.typing import Real
 
 SOLVED, RAY, BREAKDOWN, MAX_PIVOTS, INVALID = range(5)
 
@@ -47,7 +46,7 @@ class Lemke(eqx.Module):
       between 0.2 and 1 (against breakdown), then random ones between 1e-4 and 1, as likely in each decade (entries of
       one size lead to the same ray again).
     - `tolerance`: largest dimensionless residual that counts as solved (z and Mz + q scaled by
-      ``max|q| / max|M|`` and ``max|q|``), None for 1e-10 in float64 and 1e-4 in float32.
+      ``max|q| / max|M|`` and ``max|q|``), None for 5e-11 in float64 and 5e-5 in float32.
     - `pivot_tolerance`: smallest pivot relative to the largest entry of its column, None for 1e-9 in
       float64 and 1e-3 in float32 (where up to n = 120 about one contact problem in 400 is reported unsolved).
     """
@@ -59,8 +58,7 @@ class Lemke(eqx.Module):
 
     def resolved_tolerance(self, dtype: np.dtype) -> float:
         """The residual that counts as solved for this floating-point type."""
-        default = 1e-10 if np.dtype(dtype).itemsize >= 8 else 1e-4
-        return default if self.tolerance is None else self.tolerance
+        return tolerance(self.tolerance, dtype)
 
     def resolved_pivot_tolerance(self, dtype: np.dtype) -> float:
         """The smallest relative pivot for this floating-point type."""
@@ -69,32 +67,35 @@ class Lemke(eqx.Module):
 
 
 class Outcome(NamedTuple):
-    """What the pivoting leaves: the point, its basis, and the account of it (dimensionless residual)."""
+    """What the pivoting leaves: the point, its basis, and the account of it."""
 
     z: Real
     basis: Real
     code: Real
     residual: Real
+    """of the scaled problem"""
+    absolute: Real
+    """residual of the problem as given"""
     pivots: Real
     attempts: Real
 
 
 class _End(NamedTuple):
-    basic: jax.Array  # variable of each row, and its value
-    constant: jax.Array
+    z: jax.Array  # the basic point, never negative
+    basis: jax.Array  # which z are basic
     pivots: jax.Array
     code: jax.Array
 
 
 class _Walk(NamedTuple):
-    u: jax.Array  # [DELAY, n], changes that T does not have yet
+    u: jax.Array  # [DELAY, n], changes that T does not have yet; those not waiting have v = 0
     v: jax.Array  # [DELAY, n + 1]
     waiting: jax.Array  # number of them
     column: jax.Array  # of the entering variable, up to date
-    constant: jax.Array
-    perturbation: jax.Array
+    constants: jax.Array  # [2, n], with the perturbation
     basic: jax.Array  # variable of each row
-    place: jax.Array  # column of the nonbasic one of each pair of partners
+    row: jax.Array  # of the basic one of each pair of partners
+    place: jax.Array  # column of the nonbasic one
     artificial: jax.Array  # row of z0
     entering: jax.Array  # column of the entering variable, and its number
     variable: jax.Array
@@ -102,20 +103,15 @@ class _Walk(NamedTuple):
     code: jax.Array
 
 
-DELAY = 4
-"""Pivots whose changes are made together; 2 to 8 take about the same time for n = 24 to 480."""
-
-LEAST = 16
-"""n from which the walk is one kernel. XLA makes one of a loop over less than a kilobyte by itself; one within the
-other ends the process."""
+DELAY = 8
+"""Pivots whose changes are made together; 6 to 12 take about the same time for n = 24 to 480."""
 
 _RUNNING = -1
 
 
-def lemke(
-    solver: Lemke, M: Float[Real, "n n"], q: Float[Real, " n"], perturbation: Float[Real, " n"] | None = None
-) -> Outcome:
-    """Solves a finite LCP whose entries are of order one; retries with other covering vectors until solved.
+def lemke(solver: Lemke, M, q, scales, valid, perturbation=None) -> Outcome:
+    """Solves an LCP whose entries times the scales of M and q, powers of two, are of order one; retries with other
+    covering vectors until solved. What is not valid ends at once, at zero.
 
     The first two attempts follow the given perturbation to its end; the others follow random positive ones, and let
     z0 leave as soon as it can.
@@ -126,42 +122,42 @@ def lemke(
     covers = np.concatenate([np.ones((1, n)), *others])[: max(solver.attempts, 1)]
     keys = random.uniform(1.0, 2.0, (covers.shape[0], n))
     covers, keys = jnp.asarray(covers, q.dtype), jnp.asarray(keys, q.dtype)
-    if perturbation is not None:
-        keys = keys.at[:2].set(perturbation[None, :])
-    tolerance = solver.resolved_tolerance(q.dtype)
-    walk = partial(_walk, solver)
-    walk = as_one_kernel(walk) if n >= LEAST else walk
+    reached = solver.resolved_tolerance(q.dtype)
+    scale_M, scale_q = scales
+    scaled_q = jnp.where(valid, q * scale_q, 1.0)
 
     def attempt(best: Outcome) -> Outcome:
-        end = walk(M, q, covers[best.attempts], keys[best.attempts], best.attempts > 1)
-        z, basis = _point(end)
-        ended = end.code == SOLVED
-        found = residual(M, q, z)
+        hasty = best.attempts > 1
+        key = keys[best.attempts]
+        key = key if perturbation is None else jnp.where(hasty, key, perturbation)
+        end = _walk(solver, M, scale_M, scaled_q, covers[best.attempts], key, hasty)
+        w = jnp.matmul(M, end.z, precision=lax.Precision.HIGHEST) * scale_M + scaled_q
+        found = jnp.max(jnp.abs(jnp.minimum(end.z, w)))
         found = jnp.where(jnp.isnan(found), jnp.inf, found)
-        code = jnp.where(ended & ~(found <= tolerance), BREAKDOWN, end.code)
-        code = jnp.where(code == _RUNNING, MAX_PIVOTS, code)
+        # Rounding can turn the last pivot into a ray: what decides is the residual.
+        code = jnp.where(end.code == SOLVED, BREAKDOWN, jnp.where(end.code == _RUNNING, MAX_PIVOTS, end.code))
+        code = jnp.where(found <= reached, SOLVED, code)
+        z = end.z * (scale_M / scale_q)
         better = (code == SOLVED) | (found < best.residual)
         return Outcome(
             z=jnp.where(better, z, best.z),
-            basis=jnp.where(code == SOLVED, basis, False),
+            basis=jnp.where(code == SOLVED, end.basis, False),
             code=jnp.where(better, code, best.code),
             residual=jnp.where(better, found, best.residual),
+            absolute=jnp.where(better, jnp.max(jnp.abs(jnp.minimum(z, w / scale_q))), best.absolute),
             pivots=best.pivots + end.pivots,
             attempts=best.attempts + 1,
         )
 
-    start = Outcome(
-        z=jnp.zeros_like(q),
-        basis=jnp.zeros(n, bool),
-        code=jnp.array(BREAKDOWN, jnp.int32),
-        residual=jnp.array(jnp.inf, q.dtype),
-        pivots=jnp.array(0, jnp.int32),
-        attempts=jnp.array(0, jnp.int32),
-    )
-    return lax.while_loop(lambda best: (best.code != SOLVED) & (best.attempts < covers.shape[0]), attempt, start)
+    infinite = jnp.array(jnp.inf, q.dtype)
+    none = jnp.array(0, jnp.int32)
+    code = jnp.array(BREAKDOWN, jnp.int32)
+    start = Outcome(jnp.zeros_like(q), jnp.zeros(n, bool), code, infinite, infinite, none, none)
+    most = jnp.where(valid, covers.shape[0], 1)
+    return lax.while_loop(lambda best: (best.code != SOLVED) & (best.attempts < most), attempt, start)
 
 
-def _walk(solver: Lemke, M, q, cover, key, hasty) -> _End:
+def _walk(solver: Lemke, M, scale, q, cover, key, hasty) -> _End:
     """One run of pivots from z = 0 along the almost complementary path of one covering vector."""
     n = q.shape[0]
     smallest = solver.resolved_pivot_tolerance(q.dtype)
@@ -170,15 +166,17 @@ def _walk(solver: Lemke, M, q, cover, key, hasty) -> _End:
     rows = jnp.arange(n, dtype=jnp.int32)
 
     def pivot(T, walk: _Walk) -> _Walk:
-        column, constant = walk.column, walk.constant
-        blocking = column < -smallest * jnp.maximum(1.0, jnp.max(jnp.abs(column)))
-        size = jnp.where(blocking, jnp.abs(column), 1.0)
-        step = jnp.min(jnp.where(blocking, jnp.maximum(constant, 0.0) / size, jnp.inf))
+        column = walk.column
+        constant, perturbation = walk.constants
+        size = jnp.abs(column)
+        blocking = column < -smallest * jnp.maximum(1.0, _greatest(size))
+        inverse = jnp.where(blocking, 1.0 / size, 0.0)
+        step = _least(jnp.where(blocking, jnp.maximum(constant, 0.0) * inverse, jnp.inf))
         tied = blocking & (constant - step * size <= slack * (1.0 + jnp.abs(constant)))
         # A vanished z0 can leave at once, at either sign of its pivot: the point already solves the problem.
         artificial = rows == walk.artificial
-        vanished = artificial & (constant <= slack) & (jnp.abs(column) > smallest) & (hasty | (step == jnp.inf))
-        second = jnp.where(tied, walk.perturbation / size, jnp.inf)
+        vanished = artificial & (constant <= slack) & (size > smallest) & (hasty | (step == jnp.inf))
+        second = jnp.where(tied, perturbation * inverse, jnp.inf)
         second = jnp.where(vanished | (hasty & tied & artificial), -jnp.inf, second)
         least, row = _first_least(second)
         ray = least == jnp.inf
@@ -195,25 +193,24 @@ def _walk(solver: Lemke, M, q, cover, key, hasty) -> _End:
         )
         for u, v in zip(walk.u, walk.v, strict=True):
             T = T - v[:, None] * u[None, :]
-        none = jnp.array(0, jnp.int32)
-        return T, walk._replace(u=jnp.zeros_like(walk.u), v=jnp.zeros_like(walk.v), waiting=none)
+        return T, walk._replace(v=jnp.zeros_like(walk.v), waiting=jnp.array(0, jnp.int32))
 
     # T is kept transposed, so that the column, read most, lies in one piece. The first pivot brings in z0, just large
     # enough that no basic variable is negative.
-    T = jnp.concatenate([M.T, cover[None, :]])
-    step = jnp.min(q / cover)
+    T = jnp.concatenate([M.T * scale, cover[None, :]])
+    step = _least(q / cover)
     tied = q - step * cover <= slack * (1.0 + jnp.abs(q))
     _, row = _first_least(jnp.where(tied, key / cover, jnp.inf))
     count = [jnp.array(number, jnp.int32) for number in (0, n, 2 * n)]
-    running = ~jnp.all(q >= 0)
+    running = ~(_least(q) >= 0)
     start = _Walk(
         u=jnp.zeros((DELAY, n), q.dtype),
         v=jnp.zeros((DELAY, n + 1), q.dtype),
         waiting=count[0],
         column=cover,
-        constant=q,
-        perturbation=key,
+        constants=jnp.stack([q, key]),
         basic=rows,
+        row=rows,
         place=rows,
         artificial=jnp.where(running, row, -1),
         entering=count[1],
@@ -224,67 +221,71 @@ def _walk(solver: Lemke, M, q, cover, key, hasty) -> _End:
     first = _exchanged(T, start, row, running)
     first = first._replace(pivots=running.astype(jnp.int32))
     _, end = lax.while_loop(lambda state: (state[1].code == _RUNNING) & (state[1].pivots < most), block, (T, first))
-    return _End(end.basic, end.constant, end.pivots, end.code)
+    basis = end.basic[end.row] == rows + n
+    value = end.constants[0][end.row]
+    return _End(jnp.where(basis & jnp.isfinite(value), jnp.maximum(value, 0.0), 0.0), basis, end.pivots, end.code)
 
 
 def _exchanged(T, walk: _Walk, row, wanted) -> _Walk:
     """If wanted, the entering variable has become basic in a row, and the partner of the one that left enters next."""
     n = walk.basic.shape[0]
     rows, columns = jnp.arange(n, dtype=jnp.int32), jnp.arange(n + 1, dtype=jnp.int32)
-    chosen = lax.dynamic_index_in_dim(T, row, 1, keepdims=False)
-    for change, v in zip(lax.dynamic_index_in_dim(walk.u, row, 1, keepdims=False), walk.v, strict=True):
-        chosen = chosen - change * v
-    pivot = walk.column[row]
+    column = walk.column
+    pivot = column[row]
     inverse = jnp.where(wanted, 1.0 / pivot, 0.0)
-    u = jnp.where(rows == row, pivot + 1.0, walk.column)
+    u = lax.dynamic_update_index_in_dim(walk.u, jnp.where(rows == row, pivot + 1.0, column), walk.waiting, 0)
+    chosen = T[:, row] - _product(u[:, row], walk.v)  # the new change still has v = 0
     v = jnp.where(columns == walk.entering, jnp.where(wanted, 1.0 - inverse, 0.0), chosen * inverse)
-    all_u = lax.dynamic_update_index_in_dim(walk.u, u, walk.waiting, 0)
-    all_v = lax.dynamic_update_index_in_dim(walk.v, v, walk.waiting, 0)
-
-    def exchanged(values):
-        kept = jnp.where((rows == row) & wanted, 0.0, values)
-        return kept - jnp.where(rows == row, 1.0, walk.column) * (values[row] * inverse)
+    v = lax.dynamic_update_index_in_dim(walk.v, v, walk.waiting, 0)
+    there = lax.dynamic_index_in_dim(walk.constants, row, 1)
+    change = there * inverse
+    moved = walk.constants - change * column[None, :]
+    constants = jnp.where(rows[None, :] == row, jnp.where(wanted, -change, there), moved)
 
     left = walk.basic[row]
     partner = jnp.where(left < n, left + n, left - n)
     pair = jnp.minimum(left, partner)
     pair = jnp.where(pair < n, pair, 0)  # z0 has no partner
     entering = walk.place[pair]
-    column = lax.dynamic_index_in_dim(T, entering, 0, keepdims=False)
-    for change, u_of in zip(lax.dynamic_index_in_dim(all_v, entering, 1, keepdims=False), all_u, strict=True):
-        column = column - change * u_of
     return walk._replace(
-        u=all_u,
-        v=all_v,
+        u=u,
+        v=v,
         waiting=walk.waiting + 1,
-        column=column,
-        constant=exchanged(walk.constant),
-        perturbation=exchanged(walk.perturbation),
-        basic=jnp.where((rows == row) & wanted, walk.variable, walk.basic),
-        place=jnp.where((rows == pair) & wanted & (left < 2 * n), walk.entering, walk.place),
+        column=T[entering] - _product(v[:, entering], u),
+        constants=constants,
+        basic=_set(walk.basic, row, walk.variable, wanted),
+        row=_set(walk.row, walk.variable % n, row, wanted & (walk.variable < 2 * n)),
+        place=_set(walk.place, pair, walk.entering, wanted & (left < 2 * n)),
         entering=entering,
         variable=partner,
         pivots=walk.pivots + 1,
     )
 
 
+_product = partial(jnp.matmul, precision=lax.Precision.HIGHEST)
+"""A sum of a few changes. (Written out it would be computed anew in each of the passes that read it.)"""
+
+
+def _set(values, place, value, wanted):
+    return lax.dynamic_update_index_in_dim(values, jnp.where(wanted, value, values[place]), place, 0)
+
+
+def _least(values):
+    """Without the handling of NaN that makes `jnp.min` slow."""
+    return _reduced(values, jnp.inf, lambda a, b: jnp.where(b < a, b, a))
+
+
+def _greatest(values):
+    return _reduced(values, -jnp.inf, lambda a, b: jnp.where(b > a, b, a))
+
+
+def _reduced(values, first, function):
+    return lax.reduce((values,), (jnp.array(first, values.dtype),), lambda a, b: (function(a[0], b[0]),), (0,))[0]
+
+
 def _first_least(values):
-    """The least value and the first place where it is; the last place of all where no value is finite."""
+    """The least value and the first place where it is."""
     n = values.shape[0]
-
-    def lesser(a, b):
-        before = (a[0] < b[0]) | ((a[0] == b[0]) & (a[1] < b[1]))
-        return jnp.where(before, a[0], b[0]), jnp.where(before, a[1], b[1])
-
-    infinite = jnp.array(jnp.inf, values.dtype)
+    least = _least(values)
     places = jnp.arange(n, dtype=jnp.int32)
-    return lax.reduce((values, places), (infinite, jnp.array(n - 1, jnp.int32)), lesser, (0,))
-
-
-def _point(end: _End):
-    """The basic point z (never negative) and which z are basic."""
-    n = end.basic.shape[0]
-    place = jnp.where((end.basic >= n) & (end.basic < 2 * n), end.basic - n, n)
-    value = jnp.where(jnp.isfinite(end.constant), jnp.maximum(end.constant, 0.0), 0.0)
-    z = jnp.zeros_like(value).at[place].set(value, mode="drop")
-    return z, jnp.zeros(n, bool).at[place].set(True, mode="drop")
+    return least, jnp.minimum(jnp.min(jnp.where(values == least, places, n)), n - 1)

@@ -8,10 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from icjax.compiling import as_one_kernel, mapped_on_cpu
+from icjax.lcp._adjoint import Exact, Smoothed, smoothed
 from icjax.lcp._lemke import INVALID, MAX_PIVOTS, RAY, SOLVED, Lemke, Outcome, lemke
-from icjax.lcp._residual import residual
 from icjax.results import RESULTS, Solution
 from icjax.typing import Float, Real
+
+LEAST, MOST = 16, 1024
+"""n from which to which a problem is one kernel. XLA makes one of a loop over less than a kilobyte by itself; one
+within the other ends the process, and so does a kernel for n = 1330 (seen with jaxlib 0.10.2)."""
 
 
 def solve(
@@ -19,6 +24,7 @@ def solve(
     q: Float[Real, " n"],
     solver: Lemke = Lemke(),
     *,
+    adjoint: Exact | Smoothed = Exact(),
     perturbation: Float[Real, " n"] | None = None,
     throw: bool = False,
 ) -> Solution[Any]:
@@ -39,6 +45,8 @@ def solve(
     - `M`: `[n, n]`; n may be 0.
     - `q`: `[n]`.
     - `solver`: see [`Lemke`].
+    - `adjoint`: the derivative that z carries, [`Exact`][icjax.lcp.Exact] (above) or
+      [`Smoothed`][icjax.lcp.Smoothed].
     - `perturbation`: `[n]` or None for a random positive one; breaks ties.
     - `throw`: raise an error instead of returning a failed status.
 
@@ -59,12 +67,16 @@ def solve(
     outcome = _solve(solver, M, q, p)
     result = _result(outcome.code)
     stats = {
-        "residual": residual(lax.stop_gradient(M), lax.stop_gradient(q), lax.stop_gradient(outcome.z)),
+        "residual": outcome.absolute,
         "relative_residual": outcome.residual,
         "pivots": outcome.pivots,
         "attempts": outcome.attempts,
     }
     z = outcome.z
+    if isinstance(adjoint, Smoothed) and z.size:
+        by_M, by_q = (_scale(jnp.max(jnp.abs(lax.stop_gradient(x)))) for x in (M, q))
+        unit = 1.0 if adjoint.unit is None else adjoint.unit * by_q**2 / by_M
+        z = smoothed(M * by_M, q * by_q, jnp.asarray(adjoint.kappa * unit, dtype), z * (by_q / by_M)) * (by_M / by_q)
     if throw:
         z = result.error_if(z, outcome.code != SOLVED)
     return Solution(value=z, result=result, stats=stats)
@@ -84,42 +96,46 @@ def _primal(solver: Lemke, M, q, perturbation) -> Outcome:
 
 @cache
 def _mapped(solver: Lemke):
-    """One problem after the other on a CPU, where a loop over a batch waits for the slowest and moves all of it through
-    memory in every pivot (a tenth of the throughput); all at once on an accelerator."""
-    mapped = jax.custom_batching.custom_vmap(partial(_scaled, solver))
-
-    @mapped.def_vmap
-    def rule(axis_size, batched, *arrays):
-        full = [
-            array if has else jnp.broadcast_to(array[None], (axis_size, *array.shape))
-            for array, has in zip(arrays, batched, strict=True)
-        ]
-        outcome = lax.platform_dependent(
-            *full,
-            cpu=lambda *arrays: lax.map(lambda item: mapped(*item), arrays),
-            default=lambda *arrays: jax.vmap(partial(_scaled, solver))(*arrays),
-        )
-        return outcome, jax.tree.map(lambda _: True, outcome)
-
-    return mapped
+    return mapped_on_cpu(partial(_scaled, solver))
 
 
-def _scaled(solver: Lemke, M, q, perturbation=None) -> Outcome:
-    """The problem divided by powers of two, solved, multiplied back."""
-    n = q.shape[0]
-    if n == 0:
-        none = jnp.array(0, jnp.int32)
-        return Outcome(q, jnp.zeros(0, bool), none, jnp.zeros((), q.dtype), none, none)
-    valid = jnp.all(jnp.isfinite(M)) & jnp.all(jnp.isfinite(q))
-    M = jnp.where(valid, M, jnp.eye(n, dtype=M.dtype))
-    q = jnp.where(valid, q, 1.0)
-    size_M, size_q = _power_of_two(jnp.max(jnp.abs(M))), _power_of_two(jnp.max(jnp.abs(q)))
-    outcome = lemke(solver, M / size_M, q / size_q, perturbation)
+def _scaled(solver: Lemke, *arrays) -> Outcome:
+    """One problem, on a CPU as one kernel."""
+    q = arrays[1]
+    if q.shape[0] == 0:
+        none, zero = jnp.array(0, jnp.int32), jnp.zeros((), q.dtype)
+        return Outcome(q, jnp.zeros(0, bool), none, zero, zero, none, none)
+    one = partial(_one, solver)
+    return (as_one_kernel(one) if LEAST <= q.shape[0] <= MOST else one)(*arrays)
+
+
+def _one(solver: Lemke, M, q, perturbation=None) -> Outcome:
+    """The problem scaled by powers of two and solved."""
+    sizes = _largest(M), jnp.max(jnp.abs(q))
+    valid = jnp.isfinite(sizes[0]) & jnp.isfinite(sizes[1])
+    outcome = lemke(solver, M, q, [_scale(size) for size in sizes], valid, perturbation)
     return outcome._replace(
-        z=outcome.z * (size_q / size_M),
         code=jnp.where(valid, outcome.code, INVALID),
         residual=jnp.where(valid, outcome.residual, jnp.nan),
+        absolute=jnp.where(valid, outcome.absolute, jnp.nan),
     )
+
+
+def _largest(M):
+    """The largest absolute value of a matrix, NaN if there is one; four rows at a time (a reduction of the whole cannot
+    be part of a kernel)."""
+    n = M.shape[0]
+    if n < LEAST:
+        return jnp.max(jnp.abs(M))
+
+    def further(state):
+        step, largest = state
+        for k in range(4):
+            largest = jnp.maximum(largest, jnp.abs(lax.dynamic_index_in_dim(M, 4 * step + k, 0, keepdims=False)))
+        return step + 1, largest
+
+    start = jnp.array(0, jnp.int32), jnp.zeros(n, M.dtype)
+    return jnp.max(lax.while_loop(lambda state: 4 * state[0] < n, further, start)[1])
 
 
 @_solve.defjvp
@@ -140,6 +156,7 @@ def _solve_jvp(solver: Lemke, primals, tangents):
         basis=_no_tangent(basis),
         code=_no_tangent(outcome.code),
         residual=jnp.zeros_like(outcome.residual),
+        absolute=jnp.zeros_like(outcome.absolute),
         pivots=_no_tangent(outcome.pivots),
         attempts=_no_tangent(outcome.attempts),
     )
@@ -153,10 +170,11 @@ def _integral(*arrays) -> bool:
     return not any(jnp.issubdtype(jnp.result_type(a), jnp.floating) for a in arrays)
 
 
-def _power_of_two(x):
-    """The power of two just above x, 1 for zero: dividing by it rounds nothing."""
-    _, exponent = jnp.frexp(x)
-    return jnp.where(x > 0, jnp.ldexp(jnp.ones_like(x), exponent), 1.0)
+def _scale(x):
+    """The power of two that takes x to between 1/2 and 1, 1 for zero: multiplying by it rounds nothing."""
+    least = 4 * float(jnp.finfo(x.dtype).tiny)
+    bounded = jnp.clip(x, least, 1 / least)
+    return jnp.where(x > 0, jnp.frexp(bounded)[0] / bounded, 1.0)
 
 
 def _result(code):

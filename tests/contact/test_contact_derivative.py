@@ -67,7 +67,7 @@ def test_every_input_in_both_modes():
     relative = 1e-6
     # Symmetric directions are not needed: the assembled problem is a function of every entry of W.
     direction = jax.tree.map(
-        lambda x: jnp.asarray(relative * float(jnp.max(jnp.abs(x))) * rng.normal(size=x.shape)), numbers
+        lambda x: jnp.asarray(relative * float(jnp.max(jnp.abs(x), initial=0.0)) * rng.normal(size=x.shape)), numbers
     )
     _, tangent = jax.jit(lambda x, d: jax.jvp(force, (x,), (d,)))(numbers, direction)
     plus, minus = (compiled(jax.tree.map(lambda x, d, s=s: x + s * d, numbers, direction)) for s in (1, -1))
