@@ -21,6 +21,8 @@ from pathlib import Path
 
 RESULTS_FOLDER = Path(__file__).resolve().parents[1] / "results"
 CONTACTS, FACETS = 10, 2
+PIVOTS = 1000 + 50 * CONTACTS * (2 * FACETS + 2)
+"""Most that QuantEcon may take, as many as icjax: a few problems end there, and would else take most of the time."""
 
 
 def main() -> None:
@@ -171,7 +173,7 @@ def _load(path: Path) -> None:
 def _quantecon(share: range) -> float:
     from quantecon.optimize import lcp_lemke
 
-    return float(sum(lcp_lemke(*_problems[i], max_iter=100_000).z[0] for i in share))
+    return float(sum(lcp_lemke(*_problems[i], max_iter=PIVOTS).z[0] for i in share))
 
 
 def on_accelerator(batches: list[int]) -> list[dict]:

@@ -27,6 +27,8 @@ ROUNDING = 1e-9
 exact = jax.jit(solve)
 polished = jax.jit(partial(solve, solver=InteriorPoint(1e-6, polish=True, fallback=Lemke())))
 smooth = jax.jit(partial(solve, solver=InteriorPoint(1e-4)))
+on_path = jax.jit(lambda problem, kappa: solve(problem, solver=InteriorPoint(kappa, unit=1.0)))
+"""kappa in J"""
 
 
 def one_contact(free, friction=0.5, gap=0.0, coupling=(1.0, 1.0, 1.0)) -> ContactProblem:
@@ -59,10 +61,11 @@ def test_polished_interior_point_is_exact(family):
 def test_path_approaches_the_solution_with_kappa():
     """Distances of displacements fall with kappa, by at least its square root each decade (degenerate at worst)."""
     problem = random_grasp(2, 6)
+    along = jax.jit(lambda problem, kappa: solve(problem, solver=InteriorPoint(kappa)))
     reference = exact(problem).value.displacement
     distances = []
     for kappa in (1e-2, 1e-4, 1e-6):
-        found = solve(problem, solver=InteriorPoint(kappa))
+        found = along(problem, kappa)
         assert found.result == RESULTS.solved
         distances.append(float(jnp.max(jnp.abs(found.value.displacement - reference))))
     assert distances[2] < 0.1 * distances[1] < 0.01 * distances[0]
@@ -72,10 +75,10 @@ def test_path_of_one_contact_in_closed_form():
     """Pressed along its normal, W = 1: ``f u = kappa, u = (1 + kappa) f - 1``; the polish gives f = 1."""
     kappa = 1e-3
     problem = one_contact([0.0, 0.0, -1.0])
-    found = solve(problem, solver=InteriorPoint(kappa, unit=1.0), facets=4)
+    found = on_path(problem, kappa)
     f = (1.0 + np.sqrt(1.0 + 4.0 * kappa * (1.0 + kappa))) / (2.0 * (1.0 + kappa))
     np.testing.assert_allclose(found.value.force[0], [0.0, 0.0, f], rtol=1e-6, atol=1e-9)
-    polished_force = solve(problem, solver=InteriorPoint(1e-6, polish=True)).value.force[0]
+    polished_force = polished(problem).value.force[0]
     np.testing.assert_allclose(polished_force, [0.0, 0.0, 1.0], atol=1e-12)
 
 
@@ -92,16 +95,17 @@ def test_circular_cone_slides_against_the_motion(solver, angle):
 @pytest.mark.parametrize("solver", [InteriorPoint(1e-9), InteriorPoint(1e-6, polish=True), Projected(tolerance=1e-8)])
 def test_contact_states(solver):
     """Open, sticking and sliding, as Lemke's method finds them."""
+    run = jax.jit(partial(solve, solver=solver))
     for free, state in [([0.1, 0, 1.0], OPEN), ([0.1, 0, -1.0], STICKING), ([2.0, 0, -1.0], SLIDING)]:
-        assert solve(one_contact(free), solver=solver).value.slip_state[0] == state
+        assert run(one_contact(free)).value.slip_state[0] == state
 
 
 def test_projected_agrees_with_lemke():
     """To its tolerance, at moderate friction."""
+    fixed_point = jax.jit(partial(solve, solver=Projected()))
     for seed in range(4):
         problem = random_grasp(seed, 4)
-        found = solve(problem, solver=Projected())
-        reference = exact(problem)
+        found, reference = fixed_point(problem), exact(problem)
         assert found.result == RESULTS.solved
         size = float(np.max(np.abs(problem.free_displacement)))
         np.testing.assert_allclose(found.value.displacement, reference.value.displacement, atol=1e-3 * size)
@@ -153,26 +157,25 @@ def test_smoothed_adjoint_leaves_the_forces_and_sees_what_is_near():
     """The forward result is bitwise that of the exact adjoint; the derivative is the path's, not zero."""
     problem = jax.tree.map(jnp.asarray, one_contact([0.0, 0.0, -0.5], gap=1.0))
 
-    def force(gap, adjoint):
+    @partial(jax.jit, static_argnums=1)
+    def force(gap, smoothed):
         near = ContactProblem(
             problem.coupling, problem.free_displacement, gap, problem.frames, problem.friction, problem.active
         )
+        adjoint = Smoothed(1e-3, unit=1.0) if smoothed else Exact()
         return solve(near, adjoint=adjoint).value.force[0, 2]
 
-    for adjoint in (Exact(), Smoothed(1e-3)):
-        assert force(problem.gap, adjoint) == force(problem.gap, None) == 0.0
-    assert jax.grad(force)(problem.gap, Exact())[0] == 0.0
-    seen = jax.grad(force)(problem.gap, Smoothed(1e-3, unit=1.0))[0]
+    slope = jax.jit(jax.grad(force), static_argnums=1)
+    assert force(problem.gap, True) == force(problem.gap, False) == 0.0
+    assert slope(problem.gap, False)[0] == 0.0
+    seen = slope(problem.gap, True)[0]
     step = 1e-6
-    path = [
-        solve(one_contact([0.0, 0.0, -0.5], gap=1.0 + s), solver=InteriorPoint(1e-3, unit=1.0)).value.force[0, 2]
-        for s in (step, -step)
-    ]
+    path = [on_path(one_contact([0.0, 0.0, -0.5], gap=1.0 + s), 1e-3).value.force[0, 2] for s in (step, -step)]
     assert seen < 0
     np.testing.assert_allclose(seen, (path[0] - path[1]) / (2 * step), rtol=1e-5)
-    grasp = random_grasp(4, 4)
-    plain, other = solve(grasp), solve(grasp, adjoint=Smoothed())
-    np.testing.assert_array_equal(plain.value.force, other.value.force)
+    grasp = random_grasp(4, 6)
+    other = jax.jit(partial(solve, adjoint=Smoothed()))(grasp)
+    np.testing.assert_array_equal(exact(grasp).value.force, other.value.force)
 
 
 def test_batches_equal_loops():
@@ -180,7 +183,7 @@ def test_batches_equal_loops():
     problems = [random_grasp(seed, 4) for seed in range(3)]
     batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *problems)
     for solver in (InteriorPoint(1e-4), InteriorPoint(1e-3, polish=True, fallback=Lemke())):
-        run = partial(solve, solver=solver)
+        run = partial(solve, solver=solver, facets=2)
         together = jax.jit(jax.vmap(run))(batch)
         for i, problem in enumerate(problems):
             alone = jax.jit(run)(problem)
