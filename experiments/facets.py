@@ -92,7 +92,7 @@ def draw(angles, curves) -> None:
             label = "circle" if facets is None else f"m = {facets}"
             left.plot(angles, error, label=label, **style)
             right.plot(angles, onset, label=label, **style)
-    left.set(xlabel="direction of slip, deg", ylabel="friction off the slip, deg")
+    left.set(xlabel="direction of pull, deg", ylabel="friction off the slip, deg")
     right.set(xlabel="direction of pull, deg", ylabel="onset of slip over mu f_n")
     right.legend(loc="lower right", fontsize=8)
     figure.savefig(FOLDER / "docs" / "facets.png", dpi=110)

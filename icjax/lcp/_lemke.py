@@ -134,9 +134,8 @@ def lemke(solver: Lemke, M, q, scales, valid, perturbation=None) -> Outcome:
         w = jnp.matmul(M, end.z, precision=lax.Precision.HIGHEST) * scale_M + scaled_q
         found = jnp.max(jnp.abs(jnp.minimum(end.z, w)))
         found = jnp.where(jnp.isnan(found), jnp.inf, found)
-        # Rounding can turn the last pivot into a ray: what decides is the residual.
-        code = jnp.where(end.code == SOLVED, BREAKDOWN, jnp.where(end.code == _RUNNING, MAX_PIVOTS, end.code))
-        code = jnp.where(found <= reached, SOLVED, code)
+        code = jnp.where((end.code == SOLVED) & ~(found <= reached), BREAKDOWN, end.code)
+        code = jnp.where(code == _RUNNING, MAX_PIVOTS, code)
         z = end.z * (scale_M / scale_q)
         better = (code == SOLVED) | (found < best.residual)
         return Outcome(
@@ -154,7 +153,9 @@ def lemke(solver: Lemke, M, q, scales, valid, perturbation=None) -> Outcome:
     code = jnp.array(BREAKDOWN, jnp.int32)
     start = Outcome(jnp.zeros_like(q), jnp.zeros(n, bool), code, infinite, infinite, none, none)
     most = jnp.where(valid, covers.shape[0], 1)
-    return lax.while_loop(lambda best: (best.code != SOLVED) & (best.attempts < most), attempt, start)
+    best = lax.while_loop(lambda best: (best.code != SOLVED) & (best.attempts < most), attempt, start)
+    # Rounding can turn the last pivot into a ray. Such a point solves the problem, but its basis is none.
+    return best._replace(code=jnp.where(best.residual <= reached, SOLVED, best.code))
 
 
 def _walk(solver: Lemke, M, scale, q, cover, key, hasty) -> _End:

@@ -39,6 +39,7 @@ def solve(
     `jit` and `scan`. Where a z and its Mz + q vanish together (weak complementarity) the basis, and so the derivative,
     is that of the problem with ``q + eps perturbation``, eps -> 0+: one-sided in general. Differentiation never
     changes the forward result. The derivative of a failed solve is zero, never NaN: look at `result` before using it.
+    (It is zero too where every attempt ended on a ray beside a solution.)
 
     **Arguments**
 

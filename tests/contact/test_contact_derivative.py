@@ -142,3 +142,17 @@ def test_hessian_is_finite_and_symmetric():
     assert np.all(np.isfinite(second))
     np.testing.assert_allclose(second, second.T, rtol=1e-8)
     assert np.max(np.abs(second)) > 0
+
+
+def test_derivative_between_two_rigid_faces_is_finite():
+    """Forces that squeeze are open there, and rounding decides how some walks end: the derivatives are numbers."""
+    problems = [random_grasp(9000 + seed, 8, "pairs") for seed in (11, 23, 30, 32)]
+    batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *problems)
+
+    def slope(problem):
+        def displacement(free):
+            return solve(eqx.tree_at(lambda p: p.free_displacement, problem, free)).value.displacement
+
+        return jax.jvp(displacement, (problem.free_displacement,), (jnp.ones_like(problem.free_displacement),))[1]
+
+    assert np.all(np.isfinite(jax.jit(jax.vmap(slope))(batch)))
