@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jax import lax
 
+from icjax.contact._local import LocalProblem
 from icjax.lcp import System, solve_factored, times
-from icjax.typing import Bool, Float, Real
+from icjax.typing import Float, Real
 
 
 class _Factor(NamedTuple):
@@ -25,17 +26,13 @@ class _Point(NamedTuple):
 
 
 class ConeSystem(System):
-    """One step's contact problem in contact frames, gaps in the displacement: ``u = W f + b``, normal first.
+    """One step's contact problem in contact frames, its W definite.
 
     Each contact answers a change of its displacement with ``df = p - B du``; with that Newton's equations are
     ``(I + B W) df = p``. Limits are contacts with a normal only.
     """
 
-    coupling: Float[Real, "component component"]
-    offset: Float[Real, " component"]
-    friction: Float[Real, " contact"]
-    active: Bool[Real, " contact"]
-    limit_active: Bool[Real, " limit"]
+    local: LocalProblem
 
     @abstractmethod
     def cone_live(self) -> Real:
@@ -74,57 +71,52 @@ class ConeSystem(System):
         """Inverse of the step to the boundary."""
 
     def live(self) -> Real:
-        return jnp.concatenate([self.cone_live(), self.limit_active])
+        return jnp.concatenate([self.cone_live(), self.local.limit_active])
 
     def start(self, size) -> _Point:
-        ones = jnp.full(self.limit_active.shape, size, self.offset.dtype)
+        ones = jnp.full(self.local.limit_active.shape, size, self.local.offset.dtype)
         return _Point(self.cone_start(size), ones, ones)
 
     def forces(self, point: _Point) -> Float[Real, " component"]:
         """All forces: three of each contact in its frame, then one of each limit."""
-        limit = jnp.where(self.limit_active, point.limit, 0.0)
+        limit = jnp.where(self.local.limit_active, point.limit, 0.0)
         return jnp.concatenate([self.force(point.cone).reshape(-1), limit])
 
     def products(self, point: _Point) -> Real:
         return jnp.concatenate([self.cone_products(point.cone), point.limit * point.room])
 
     def defects(self, point: _Point) -> Real:
-        u = times(self.coupling, self.forces(point)) + self.offset
-        contacts = 3 * self.friction.shape[0]
-        limits = jnp.where(self.limit_active, point.room - u[contacts:], 0.0)
-        return jnp.concatenate([self.cone_defects(point.cone, u[:contacts].reshape(-1, 3)), limits])
+        u, room = self.local.split(self.local.displacement(self.forces(point)))
+        limits = jnp.where(self.local.limit_active, point.room - room, 0.0)
+        return jnp.concatenate([self.cone_defects(point.cone, u), limits])
 
     def factor(self, point: _Point) -> _Factor:
-        contacts = self.friction.shape[0]
+        contacts = self.local.contacts
         slope, kept = self.cone_factor(point.cone)
-        limit_slope = jnp.where(self.limit_active, point.limit / point.room, 0.0)
-        size = self.offset.shape[0]
-        top = self.coupling[: 3 * contacts].reshape(contacts, 3, size)
+        limit_slope = jnp.where(self.local.limit_active, point.limit / point.room, 0.0)
+        size = self.local.offset.shape[0]
+        top = self.local.coupling[: 3 * contacts].reshape(contacts, 3, size)
         # A sum of three products: XLA makes one loop of it, where a batch of small matrix products would be slow.
         product = sum(slope[:, :, i, None] * top[:, None, i, :] for i in range(3))
         matrix = jnp.concatenate(
-            [jnp.reshape(product, (3 * contacts, size)), limit_slope[:, None] * self.coupling[3 * contacts :]]
+            [jnp.reshape(product, (3 * contacts, size)), limit_slope[:, None] * self.local.coupling[3 * contacts :]]
         )
         lu, _, permutation = lax.linalg.lu(matrix + jnp.eye(size, dtype=matrix.dtype))
         return _Factor(lu, permutation, slope, limit_slope, kept)
 
     def direction(self, point: _Point, factor: _Factor, products: Real, defects: Real) -> _Point:
-        limits, contacts = self.limit_active.shape[0], 3 * self.friction.shape[0]
+        limits = self.local.limit_active.shape[0]
         cone_products, limit_products = jnp.split(products, [products.shape[0] - limits])
         cone_defects, limit_defects = jnp.split(defects, [defects.shape[0] - limits])
         p, answer = self.cone_answer(point.cone, factor.cone, cone_products, cone_defects)
         limit_p = (limit_products - point.limit * limit_defects) / point.room
-        limit_p = jnp.where(self.limit_active, limit_p, 0.0)
+        limit_p = jnp.where(self.local.limit_active, limit_p, 0.0)
         rhs = jnp.concatenate([p.reshape(-1), limit_p])
         df = solve_factored(factor.lu, factor.permutation, rhs)
-        du = times(self.coupling, df)
-        limit = limit_p - factor.limit_slope * du[contacts:]
-        room = jnp.where(self.limit_active, du[contacts:] + limit_defects, 0.0)
-        return _Point(
-            self.cone_change(point.cone, factor.cone, answer, du[:contacts].reshape(-1, 3)),
-            limit,
-            room,
-        )
+        du, limit_du = self.local.split(times(self.local.coupling, df))
+        limit = limit_p - factor.limit_slope * limit_du
+        room = jnp.where(self.local.limit_active, limit_du + limit_defects, 0.0)
+        return _Point(self.cone_change(point.cone, factor.cone, answer, du), limit, room)
 
     def reach(self, point: _Point, direction: _Point):
         limits = jnp.maximum(-direction.limit / point.limit, -direction.room / point.room)

@@ -14,20 +14,20 @@ class Polygon(ConeSystem):
     facets: int = eqx.field(static=True)
 
     def _masks(self):
-        slipping = self.active & (self.friction > 0)
+        slipping = self.local.active & (self.local.friction > 0)
         count = 2 * self.facets
-        return jnp.concatenate([self.active[:, None], jnp.repeat(slipping[:, None], count + 1, axis=1)], axis=1)
+        return jnp.concatenate([self.local.active[:, None], jnp.repeat(slipping[:, None], count + 1, axis=1)], axis=1)
 
     def _tangents(self):
-        return jnp.asarray(tangents(self.facets), self.offset.dtype)
+        return jnp.asarray(tangents(self.facets), self.local.offset.dtype)
 
     def cone_live(self):
         return self._masks().reshape(-1)
 
     def cone_start(self, size):
         count = 2 * self.facets
-        share = jnp.where(self.friction > 0, self.friction, 1.0)[:, None] / (count + 1)
-        ones = jnp.ones((self.friction.shape[0], 1), share.dtype)
+        share = jnp.where(self.local.friction > 0, self.local.friction, 1.0)[:, None] / (count + 1)
+        ones = jnp.ones((self.local.friction.shape[0], 1), share.dtype)
         z = jnp.concatenate([ones, jnp.repeat(share, count, axis=1), ones], axis=1)
         w = jnp.concatenate([jnp.repeat(ones, count + 1, axis=1), share], axis=1)
         return size * z, size * w
@@ -43,7 +43,7 @@ class Polygon(ConeSystem):
     def cone_defects(self, cone, u):
         z, w = cone
         slips = times(u[:, 1:], self._tangents().T) + z[:, -1:]
-        within = self.friction * z[:, 0] - jnp.sum(z[:, 1:-1], axis=1)
+        within = self.local.friction * z[:, 0] - jnp.sum(z[:, 1:-1], axis=1)
         wanted = jnp.concatenate([u[:, :1], slips, within[:, None]], axis=1)
         return jnp.where(self._masks(), w - wanted, 0.0).reshape(-1)
 
@@ -55,7 +55,7 @@ class Polygon(ConeSystem):
         stiffness = jnp.sum(ratio[:, 1:-1], axis=1)
         slip = z[:, -1] / (w[:, -1] + z[:, -1] * stiffness)
         # d lambda = (...) + gain . du
-        gain = slip[:, None] * jnp.concatenate([(self.friction * ratio[:, 0])[:, None], -total], axis=1)
+        gain = slip[:, None] * jnp.concatenate([(self.local.friction * ratio[:, 0])[:, None], -total], axis=1)
         squares = (tangent[:, :, None] * tangent[:, None, :]).reshape(-1, 4)
         tangential = times(ratio[:, 1:-1], squares).reshape(-1, 2, 2)
         normal = jnp.concatenate([ratio[:, :1], jnp.zeros_like(total)], axis=1)
@@ -71,7 +71,7 @@ class Polygon(ConeSystem):
         c = jnp.where(masks, products.reshape(shape), 0.0)
         r = jnp.where(masks, defects.reshape(shape), 0.0)
         alone = c / w - ratio * r
-        within = self.friction * alone[:, 0] - jnp.sum(alone[:, 1:-1], axis=1) + r[:, -1]
+        within = self.local.friction * alone[:, 0] - jnp.sum(alone[:, 1:-1], axis=1) + r[:, -1]
         multiplier = slip * (c[:, -1] / z[:, -1] - within)
         multiplier = jnp.where(masks[:, -1], multiplier, 0.0)
         tangential = times(alone[:, 1:-1], self._tangents()) - total * multiplier[:, None]
@@ -84,7 +84,7 @@ class Polygon(ConeSystem):
         multiplier = multiplier + jnp.where(masks[:, -1], jnp.sum(gain * du, axis=1), 0.0)
         w = jnp.concatenate([du[:, :1], times(du[:, 1:], self._tangents().T) + multiplier[:, None]], axis=1)
         z = alone[:, :-1] - ratio[:, :-1] * w
-        within = self.friction * z[:, 0] - jnp.sum(z[:, 1:], axis=1)
+        within = self.local.friction * z[:, 0] - jnp.sum(z[:, 1:], axis=1)
         w = jnp.concatenate([w, within[:, None]], axis=1) + r
         z = jnp.concatenate([z, multiplier[:, None]], axis=1)
         return jnp.where(masks, z, 0.0), jnp.where(masks, w, 0.0)
@@ -102,26 +102,26 @@ class Circle(ConeSystem):
     """
 
     def _slipping(self):
-        return self.active & (self.friction > 0)
+        return self.local.active & (self.local.friction > 0)
 
     def cone_live(self):
-        return jnp.concatenate([self.active, self._slipping()])
+        return jnp.concatenate([self.local.active, self._slipping()])
 
     def cone_start(self, size):
-        ones = jnp.ones_like(self.friction) * size
-        rate = 1.0 / jnp.where(self._slipping(), self.friction, 1.0)
+        ones = jnp.ones_like(self.local.friction) * size
+        rate = 1.0 / jnp.where(self._slipping(), self.local.friction, 1.0)
         return ones, ones, jnp.zeros((ones.shape[0], 2), ones.dtype), rate
 
     def force(self, cone):
         normal, _, tangential, _ = cone
-        normal = jnp.where(self.active, normal, 0.0)
+        normal = jnp.where(self.local.active, normal, 0.0)
         tangential = jnp.where(self._slipping()[:, None], tangential, 0.0)
         return jnp.concatenate([normal[:, None], tangential], axis=1)
 
     def _inside(self, cone):
         """Half the difference of the squares of radius and friction force."""
         normal, _, tangential, _ = cone
-        return ((self.friction * normal) ** 2 - jnp.sum(tangential**2, axis=1)) / 2
+        return ((self.local.friction * normal) ** 2 - jnp.sum(tangential**2, axis=1)) / 2
 
     def cone_products(self, cone):
         normal, clearance, _, rate = cone
@@ -129,20 +129,20 @@ class Circle(ConeSystem):
 
     def cone_defects(self, cone, u):
         _, clearance, tangential, rate = cone
-        normal = jnp.where(self.active, clearance - u[:, 0], 0.0)
+        normal = jnp.where(self.local.active, clearance - u[:, 0], 0.0)
         slip = jnp.where(self._slipping()[:, None], u[:, 1:] + rate[:, None] * tangential, 0.0)
         return jnp.concatenate([normal, slip.reshape(-1)])
 
     def cone_factor(self, cone):
         normal, clearance, tangential, rate = cone
-        ratio = jnp.where(self.active, normal / clearance, 0.0)
+        ratio = jnp.where(self.local.active, normal / clearance, 0.0)
         inside = jnp.where(self._slipping(), self._inside(cone), 1.0)
         reduced = tangential / (inside + jnp.sum(tangential**2, axis=1))[:, None]
         live = self._slipping()[:, None]
         soft = jnp.eye(2, dtype=rate.dtype)[None] - tangential[:, :, None] * reduced[:, None, :]
         soft = jnp.where(live[:, :, None], soft / rate[:, None, None], 0.0)
         # df_t = (...) - soft du_t + grip df_n
-        grip = jnp.where(live, reduced * (self.friction**2 * normal)[:, None], 0.0)
+        grip = jnp.where(live, reduced * (self.local.friction**2 * normal)[:, None], 0.0)
         above = jnp.concatenate([ratio[:, None], jnp.zeros_like(grip)], axis=1)
         below = jnp.concatenate([(grip * ratio[:, None])[:, :, None], soft], axis=2)
         return jnp.concatenate([above[:, None, :], below], axis=1), (ratio, inside, soft, grip)
@@ -151,8 +151,8 @@ class Circle(ConeSystem):
         normal, clearance, tangential, rate = cone
         ratio, inside, soft, grip = kept
         count = normal.shape[0]
-        c_n = jnp.where(self.active, products[:count], 0.0)
-        r_n = jnp.where(self.active, defects[:count], 0.0)
+        c_n = jnp.where(self.local.active, products[:count], 0.0)
+        r_n = jnp.where(self.local.active, defects[:count], 0.0)
         c_t = jnp.where(self._slipping(), products[count:], 0.0)
         r_t = jnp.where(self._slipping()[:, None], defects[count:].reshape(count, 2), 0.0)
         alone = c_n / clearance - ratio * r_n
@@ -166,17 +166,17 @@ class Circle(ConeSystem):
         alone, slid, r_n, c_t = answer
         change_n = alone - ratio * du[:, 0]
         change_t = slid - jnp.sum(soft * du[:, None, 1:], axis=2) - grip * (ratio * du[:, 0])[:, None]
-        grown = self.friction**2 * normal * change_n - jnp.sum(tangential * change_t, axis=1)
+        grown = self.local.friction**2 * normal * change_n - jnp.sum(tangential * change_t, axis=1)
         change_rate = jnp.where(self._slipping(), (c_t - rate * grown) / inside, 0.0)
-        return change_n, jnp.where(self.active, du[:, 0] + r_n, 0.0), change_t, change_rate
+        return change_n, jnp.where(self.local.active, du[:, 0] + r_n, 0.0), change_t, change_rate
 
     def cone_reach(self, cone, change):
         normal, clearance, tangential, rate = cone
         d_normal, d_clearance, d_tangential, d_rate = change
         simple = jnp.maximum(jnp.maximum(-d_normal / normal, -d_clearance / clearance), -d_rate / rate)
         # The larger root of c / t^2 + 2 b / t + a, that is of (R + t dR)^2 = |f + t df|^2.
-        a = (self.friction * d_normal) ** 2 - jnp.sum(d_tangential**2, axis=1)
-        b = self.friction**2 * normal * d_normal - jnp.sum(tangential * d_tangential, axis=1)
+        a = (self.local.friction * d_normal) ** 2 - jnp.sum(d_tangential**2, axis=1)
+        b = self.local.friction**2 * normal * d_normal - jnp.sum(tangential * d_tangential, axis=1)
         c = jnp.where(self._slipping(), 2 * self._inside(cone), 1.0)
         met = (b * b >= a * c) & self._slipping()
         root = (jnp.sqrt(jnp.where(met, b * b - a * c, 0.0)) - b) / c

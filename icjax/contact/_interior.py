@@ -4,7 +4,6 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from icjax.contact._active_set import forces_of, polished
-from icjax.contact._cone_system import ConeSystem
 from icjax.contact._cones import Circle, Polygon
 from icjax.contact._judge import Judged
 from icjax.contact._local import LocalProblem
@@ -56,13 +55,9 @@ def path_forces(
     kappa = jnp.asarray(kappa, local.offset.dtype)
     live = 3 * jnp.sum(local.active) + jnp.sum(local.limit_active)
     added = softness * jnp.trace(local.coupling) / jnp.maximum(live, 1)
-    coupling = local.coupling + added * jnp.eye(local.offset.shape[0], dtype=local.offset.dtype)
-    masks = local.friction, local.active, local.limit_active
-    system: ConeSystem
-    if facets is None:
-        system = Circle(coupling, local.offset, *masks)
-    else:
-        system = Polygon(coupling, local.offset, *masks, facets)
+    definite = local.coupling + added * jnp.eye(local.offset.shape[0], dtype=local.offset.dtype)
+    softened = eqx.tree_at(lambda problem: problem.coupling, local, definite)
+    system = Circle(softened) if facets is None else Polygon(softened, facets)
     path = central_path(system, kappa, jnp.asarray(max_steps, jnp.int32))
     return system.forces(path.point), path.converged, path.steps
 

@@ -29,8 +29,8 @@ def solve(
 ) -> Solution[ContactForces]:
     """Solves the frictional contact problem of one step, ``f = D beta`` with (beta, lambda) from the LCP.
 
-    The problem is made dimensionless first ([`dimensionless`][icjax.contact.dimensionless]), and every answer is judged
-    by the residual of its forces, whichever solver they come from.
+    The problem is made dimensionless first ([`dimensionless`][icjax.contact.dimensionless]), and the residual that is
+    returned is recomputed from the forces, whichever solver they come from.
 
     Forces and displacements are differentiable in every number of the problem, in forward and reverse mode, of any
     order; of a failed solve the derivative is zero. By default it is the derivative of what the solver computes: on the
