@@ -57,7 +57,7 @@ def forces_of(
     directions = jnp.asarray(ring(facets), dtype)
     other = (at.tangent + jnp.where(at.forward, 1, -1)) % (2 * facets)
     d, e = directions[at.tangent], directions[other]
-    middle = (d + e) / (2 * np.cos(np.pi / (2 * facets)))
+    middle = (d + e) / (2 * float(np.cos(np.pi / (2 * facets))))
     friction = local.friction
     # Rows of A_f f + A_u u = 0 for each contact.
     ones, zeros = jnp.ones((count, 1), dtype), jnp.zeros((count, 1), dtype)
@@ -66,7 +66,7 @@ def forces_of(
     corner = tangential - jnp.concatenate(
         [(friction[:, None] * d)[:, :, None], jnp.zeros((count, 2, 2), dtype)], axis=2
     )
-    reach = friction[:, None] * np.cos(np.pi / (2 * facets))
+    reach = friction[:, None] * float(np.cos(np.pi / (2 * facets)))
     on_facet = jnp.stack([jnp.concatenate([-reach, middle], axis=1), jnp.zeros((count, 3), dtype)], axis=1)
     along = jnp.stack([jnp.zeros((count, 3), dtype), jnp.concatenate([zeros, d - e], axis=1)], axis=1)
     free = ~at.closed | (friction <= 0)

@@ -4,10 +4,9 @@ from abc import abstractmethod
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
-from jax import lax
 
 from icjax.contact._local import LocalProblem
-from icjax.lcp import System, solve_factored, times
+from icjax.lcp import System, factored, solve_factored, times
 from icjax.typing import Float, Real
 
 
@@ -101,7 +100,7 @@ class ConeSystem(System):
         matrix = jnp.concatenate(
             [jnp.reshape(product, (3 * contacts, size)), limit_slope[:, None] * self.local.coupling[3 * contacts :]]
         )
-        lu, _, permutation = lax.linalg.lu(matrix + jnp.eye(size, dtype=matrix.dtype))
+        lu, permutation = factored(matrix + jnp.eye(size, dtype=matrix.dtype))
         return _Factor(lu, permutation, slope, limit_slope, kept)
 
     def direction(self, point: _Point, factor: _Factor, products: Real, defects: Real) -> _Point:

@@ -38,7 +38,7 @@ class InteriorPoint(eqx.Module):
     softness: float | Scalar | None = None
     polish: bool = eqx.field(default=False, static=True)
     fallback: Lemke | None = eqx.field(default=None, static=True)
-    max_steps: int = eqx.field(default=40, static=True)
+    max_steps: int = eqx.field(default=25, static=True)
     tolerance: float | None = eqx.field(default=None, static=True)
 
     def __check_init__(self) -> None:

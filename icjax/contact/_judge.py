@@ -80,7 +80,7 @@ def directed(facets: int, f_t: Float[Real, "contact 2"], u_t: Float[Real, "conta
         return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
     f = f_t[:, None, :]
-    share = jnp.minimum(cross(f, after[None]), cross(before[None], f)) / np.sin(np.pi / facets)
+    share = jnp.minimum(cross(f, after[None]), cross(before[None], f)) / float(np.sin(np.pi / facets))
     against = -(u_t[:, None, 0] * directions[None, :, 0] + u_t[:, None, 1] * directions[None, :, 1])
     slip = jnp.maximum(jnp.max(against, axis=1), 0.0)
     return jnp.maximum(share, 0.0), slip[:, None] - against, slip

@@ -6,6 +6,7 @@ from icjax.lcp._adjoint import carried as carried
 from icjax.lcp._central_path import Path as Path
 from icjax.lcp._central_path import System as System
 from icjax.lcp._central_path import central_path as central_path
+from icjax.lcp._central_path import factored as factored
 from icjax.lcp._central_path import solve_factored as solve_factored
 from icjax.lcp._central_path import times as times
 from icjax.lcp._lemke import Lemke as Lemke
