@@ -2,12 +2,13 @@
 
     uv run python experiments/contact_derivatives.py [--problems 40]
 
-The directional derivative of ``W f`` (all displacements) along a random direction in coupling, free displacement, gaps
-and friction together, exact (Lemke's final basis), against the central difference of the same function, relative to the
-larger of the two. Problems with a contact margin below 1e-6, or whose slip states differ between the two ends of the
-difference, are near a tie and left out; their number is printed. "path" is the derivative of `InteriorPoint(1e-4)`
-(products of 1e-7 J) against differences of the path itself, where all three were found; "distance" how far it is from
-the exact one.
+The directional derivative of ``W f`` (all displacements) along a random direction in coupling, free displacement, gaps,
+friction and contact frames together, exact (Lemke's final basis), against the central difference of the same function,
+relative to the larger of the two. Problems with a contact margin below 1e-6, or whose slip states differ between the
+two ends of the difference, are near a tie and left out; their number is printed. "path" is the derivative of
+`InteriorPoint(1e-4)` (products of 1e-7 J) against differences of the path itself, where all three were found;
+"distance" how far it is from the exact one; "single" how far the exact one is in single precision from itself in
+double.
 Written to experiments/results/contact_derivatives.json.
 """
 
@@ -32,7 +33,7 @@ STEP = 1e-6
 
 
 def _parts(problem):
-    return problem.coupling, problem.free_displacement, problem.gap, problem.friction
+    return problem.coupling, problem.free_displacement, problem.gap, problem.friction, problem.frames
 
 
 def _displacement(solver, problem, parts):
@@ -59,6 +60,14 @@ def compared(exact: bool, problem, direction):
     return slope, (ends[0][0] - ends[1][0]) / (2 * STEP), regular
 
 
+@jax.jit
+def in_single(problem, direction):
+    """The exact derivative in single precision."""
+    problem, direction = jax.tree.map(lambda x: x if x.dtype == bool else x.astype(jnp.float32), (problem, direction))
+    run = partial(_displacement, Lemke(), problem)
+    return jax.jvp(run, (_parts(problem),), (direction,), has_aux=True)[1]
+
+
 def directed(problem, rng):
     """A random direction of the size of the problem; symmetric in W, friction only where there is some."""
     d_W = rng.normal(size=problem.coupling.shape) * np.max(np.abs(problem.coupling))
@@ -66,7 +75,9 @@ def directed(problem, rng):
     d_free = rng.normal(size=problem.free_displacement.shape) * sizes[0]
     d_gap = rng.normal(size=problem.gap.shape) * sizes[1]
     d_friction = rng.normal(size=problem.friction.shape) * problem.friction
-    return (d_W + d_W.T) / 2 * 0.01, d_free, d_gap, d_friction
+    turn = 0.1 * rng.normal(size=(problem.frames.shape[0], 3))
+    d_frames = np.cross(turn[:, :, None], problem.frames, axis=1)
+    return (d_W + d_W.T) / 2 * 0.01, d_free, d_gap, d_friction, d_frames
 
 
 def main() -> None:
@@ -76,9 +87,9 @@ def main() -> None:
     arguments = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     rng = np.random.default_rng(41)
-    rows = []
+    rows, every = [], []
     for family in FAMILIES:
-        errors, path_errors, distances, regular = [], [], [], 0
+        errors, path_errors, distances, single, regular = [], [], [], [], 0
         for seed in range(arguments.problems):
             problem = jax.tree.map(jnp.asarray, random_grasp(9000 + seed, CONTACTS, family))
             direction = jax.tree.map(jnp.asarray, directed(problem, rng))
@@ -92,13 +103,22 @@ def main() -> None:
             if away:
                 regular += 1
                 errors.append(float(jnp.max(jnp.abs(slope - difference))) / size)
+                single.append(float(jnp.max(jnp.abs(in_single(problem, direction) - slope))) / size)
         row = {"family": family, "problems": arguments.problems, "away from ties": regular}
         if errors:
             row |= {"median": float(np.median(errors)), "99th percentile": float(np.quantile(errors, 0.99))}
+            row |= {"single, median": float(np.median(single)), "single, 90th": float(np.quantile(single, 0.9))}
         row |= {"paths": len(path_errors), "path, median": float(np.median(path_errors))}
         row |= {"distance, median": float(np.median(distances))}
         rows.append(row)
+        every.append((errors, single))
         print(", ".join(f"{k} {v:.2g}" if isinstance(v, float) else f"{k} {v}" for k, v in row.items()), flush=True)
+    errors, single = (np.concatenate(x) for x in zip(*every, strict=True))
+    row = {"family": "all", "problems": arguments.problems * len(FAMILIES), "away from ties": len(errors)}
+    row |= {"median": float(np.median(errors)), "99th percentile": float(np.quantile(errors, 0.99))}
+    row |= {"single, median": float(np.median(single)), "single within 1e-3": int(np.sum(single < 1e-3))}
+    rows.append(row)
+    print(row)
     RESULT.write_text(json.dumps(rows, indent=1) + "\n")
     print(f"wrote {RESULT}")
 

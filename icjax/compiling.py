@@ -1,14 +1,17 @@
-"""How XLA shall run a function: as one machine function, one problem of a batch after the other."""
+"""How JAX shall run a function: as one machine function, as an operation with its own derivative and batches."""
 
 from collections.abc import Callable
-from functools import partial
+from functools import cached_property, partial
 from importlib.metadata import version
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jax import lax
+from jax.core import ShapedArray
 from jax.experimental.xla_metadata import set_xla_metadata
+from jax.extend.core import Primitive
+from jax.interpreters import ad, batching, mlir
 
 KNOWN = ((0, 10), (0, 11))
 """Versions of jaxlib, from and below, whose CPU compiler was seen to honour the mark (`tests/test_compiling.py`)."""
@@ -44,27 +47,102 @@ def as_one_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     return chosen if KNOWN[0] <= found < KNOWN[1] else function
 
 
-def mapped_on_cpu(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The same function; `vmap` runs it for one after the other on a CPU, for all at once on an accelerator.
+def as_primitive(function: Callable[..., Any], derivative: Callable[..., Any] | None = None) -> Callable[..., Any]:
+    """The same function as an operation of JAX of its own: compiled once, with this derivative and no other.
 
-    A loop over a batch waits for the slowest and moves all of it through memory in every turn: on a CPU a tenth of the
-    throughput.
+    Within a scan, reverse mode of a function with a rule by `jax.custom_jvp` drops the rule, and a second derivative
+    would be one of the loops inside, where it works at all. An operation keeps its rule.
 
-    **Arguments**: `function` of pytrees of arrays, no other arguments. Differentiate outside of it.
+    `vmap` runs it for one after the other on a CPU, for all at once on an accelerator: a loop over a batch waits for
+    the slowest and moves all of it through memory in every turn, on a CPU a tenth of the throughput.
+
+    **Arguments**: `function` of pytrees of arrays to a pytree of arrays; `derivative` of its arguments and their
+    tangents, two tuples, to the result and its tangent, with None for tangents of what is not real. It may call the
+    operation itself, and is then differentiable again. Without it the result is constant.
     """
-    mapped = jax.custom_batching.custom_vmap(function)
+    operation = _Operation(function, derivative)
 
-    @mapped.def_vmap
-    def rule(axis_size, batched, *arguments):
-        def full(array, has):
-            return array if has else jnp.broadcast_to(array, (axis_size, *jnp.shape(array)))
+    def called(*arguments):
+        leaves, tree = jax.tree.flatten(arguments)
+        leaves = [jnp.asarray(leaf) for leaf in leaves]
+        shape = operation.compiled.eval_shape(*jax.tree.unflatten(tree, leaves))
+        found = _operation.bind(*leaves, operation=operation, tree=tree)
+        return jax.tree.unflatten(jax.tree.structure(shape), found)
 
-        arguments = jax.tree.map(full, arguments, tuple(batched))
-        found = lax.platform_dependent(
-            *arguments,
-            cpu=lambda *arguments: lax.map(lambda item: mapped(*item), arguments),
-            default=lambda *arguments: jax.vmap(function)(*arguments),
-        )
-        return found, jax.tree.map(lambda _: True, found)
+    return called
 
-    return mapped
+
+class _Operation:
+    """What the primitive is a call of; equal to itself only."""
+
+    def __init__(self, function, derivative) -> None:
+        self.compiled, self.derivative = jax.jit(function), derivative
+
+    @cached_property
+    def batched(self) -> "_Operation":
+        """Of arguments with one more axis in front."""
+        one, derivative = self.compiled, self.derivative
+
+        def many(*arguments):
+            return lax.platform_dependent(
+                *arguments, cpu=lambda *batch: lax.map(lambda item: one(*item), batch), default=jax.vmap(one)
+            )
+
+        return _Operation(many, None if derivative is None else jax.vmap(derivative))
+
+    def leaves(self, leaves, tree):
+        return jax.tree.leaves(self.compiled(*jax.tree.unflatten(tree, leaves)))
+
+
+_operation = Primitive("icjax_operation")
+_operation.multiple_results = True
+
+
+@_operation.def_impl
+def _evaluated(*leaves, operation, tree):
+    return operation.leaves(leaves, tree)
+
+
+@_operation.def_abstract_eval
+def _shapes(*leaves, operation, tree):
+    shapes = [jax.ShapeDtypeStruct(leaf.shape, leaf.dtype) for leaf in leaves]
+    found = jax.tree.leaves(operation.compiled.eval_shape(*jax.tree.unflatten(tree, shapes)))
+    return [ShapedArray(leaf.shape, leaf.dtype) for leaf in found]
+
+
+def _batched(leaves, axes, *, operation, tree):
+    size = next(leaf.shape[axis] for leaf, axis in zip(leaves, axes, strict=True) if axis is not None)
+    full = [
+        jnp.broadcast_to(leaf, (size, *leaf.shape)) if axis is None else jnp.moveaxis(leaf, axis, 0)
+        for leaf, axis in zip(leaves, axes, strict=True)
+    ]
+    found = _operation.bind(*full, operation=operation.batched, tree=tree)
+    return found, [0] * len(found)
+
+
+def _differentiated(leaves, tangents, *, operation, tree):
+    def real(leaf):
+        return jnp.issubdtype(leaf.dtype, jnp.inexact)
+
+    def filled(leaf, tangent):
+        if not real(leaf):
+            return None
+        return jnp.zeros_like(leaf) if isinstance(tangent, ad.Zero) else tangent
+
+    if operation.derivative is None:
+        found = _operation.bind(*leaves, operation=operation, tree=tree)
+        changes = [None] * len(found)
+    else:
+        changes = [filled(leaf, tangent) for leaf, tangent in zip(leaves, tangents, strict=True)]
+        found, changes = operation.derivative(*(jax.tree.unflatten(tree, x) for x in (leaves, changes)))
+        found, changes = jax.tree.leaves(found), jax.tree.leaves(changes, is_leaf=lambda leaf: leaf is None)
+
+    def zero(result):
+        return ad.Zero(jax.typeof(result).to_tangent_aval())
+
+    return found, [zero(x) if change is None else change for x, change in zip(found, changes, strict=True)]
+
+
+batching.primitive_batchers[_operation] = _batched
+ad.primitive_jvps[_operation] = _differentiated
+mlir.register_lowering(_operation, mlir.lower_fun(_evaluated, multiple_results=True))

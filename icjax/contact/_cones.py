@@ -5,7 +5,12 @@ import jax.numpy as jnp
 
 from icjax.contact._cone import tangents
 from icjax.contact._cone_system import ConeSystem
-from icjax.lcp import times
+from icjax.typing import Real
+
+
+def _times(rows: Real, matrix: Real) -> Real:
+    """Product with a small matrix, summed in the open: XLA joins it with what is around it, a call it does not."""
+    return sum((rows[:, i, None] * matrix[None, i] for i in range(matrix.shape[0])), start=jnp.zeros((), rows.dtype))
 
 
 class Polygon(ConeSystem):
@@ -34,7 +39,7 @@ class Polygon(ConeSystem):
 
     def force(self, cone):
         beta = jnp.where(self._masks(), cone[0], 0.0)
-        return jnp.concatenate([beta[:, :1], times(beta[:, 1:-1], self._tangents())], axis=1)
+        return jnp.concatenate([beta[:, :1], _times(beta[:, 1:-1], self._tangents())], axis=1)
 
     def cone_products(self, cone):
         z, w = cone
@@ -42,7 +47,7 @@ class Polygon(ConeSystem):
 
     def cone_defects(self, cone, u):
         z, w = cone
-        slips = times(u[:, 1:], self._tangents().T) + z[:, -1:]
+        slips = _times(u[:, 1:], self._tangents().T) + z[:, -1:]
         within = self.local.friction * z[:, 0] - jnp.sum(z[:, 1:-1], axis=1)
         wanted = jnp.concatenate([u[:, :1], slips, within[:, None]], axis=1)
         return jnp.where(self._masks(), w - wanted, 0.0).reshape(-1)
@@ -51,13 +56,13 @@ class Polygon(ConeSystem):
         z, w = cone
         ratio = jnp.where(self._masks(), z / w, 0.0)
         tangent = self._tangents()
-        total = times(ratio[:, 1:-1], tangent)
+        total = _times(ratio[:, 1:-1], tangent)
         stiffness = jnp.sum(ratio[:, 1:-1], axis=1)
         slip = z[:, -1] / (w[:, -1] + z[:, -1] * stiffness)
         # d lambda = (...) + gain . du
         gain = slip[:, None] * jnp.concatenate([(self.local.friction * ratio[:, 0])[:, None], -total], axis=1)
         squares = (tangent[:, :, None] * tangent[:, None, :]).reshape(-1, 4)
-        tangential = times(ratio[:, 1:-1], squares).reshape(-1, 2, 2)
+        tangential = _times(ratio[:, 1:-1], squares).reshape(-1, 2, 2)
         normal = jnp.concatenate([ratio[:, :1], jnp.zeros_like(total)], axis=1)
         below = jnp.concatenate([jnp.zeros_like(tangential[:, :, :1]), tangential], axis=2)
         below = below + total[:, :, None] * gain[:, None, :]
@@ -74,7 +79,7 @@ class Polygon(ConeSystem):
         within = self.local.friction * alone[:, 0] - jnp.sum(alone[:, 1:-1], axis=1) + r[:, -1]
         multiplier = slip * (c[:, -1] / z[:, -1] - within)
         multiplier = jnp.where(masks[:, -1], multiplier, 0.0)
-        tangential = times(alone[:, 1:-1], self._tangents()) - total * multiplier[:, None]
+        tangential = _times(alone[:, 1:-1], self._tangents()) - total * multiplier[:, None]
         return jnp.concatenate([alone[:, :1], tangential], axis=1), (alone, multiplier, r)
 
     def cone_change(self, cone, kept, answer, du):
@@ -82,7 +87,7 @@ class Polygon(ConeSystem):
         alone, multiplier, r = answer
         masks = self._masks()
         multiplier = multiplier + jnp.where(masks[:, -1], jnp.sum(gain * du, axis=1), 0.0)
-        w = jnp.concatenate([du[:, :1], times(du[:, 1:], self._tangents().T) + multiplier[:, None]], axis=1)
+        w = jnp.concatenate([du[:, :1], _times(du[:, 1:], self._tangents().T) + multiplier[:, None]], axis=1)
         z = alone[:, :-1] - ratio[:, :-1] * w
         within = self.local.friction * z[:, 0] - jnp.sum(z[:, 1:], axis=1)
         w = jnp.concatenate([w, within[:, None]], axis=1) + r

@@ -38,7 +38,7 @@ class InteriorPoint(eqx.Module):
     softness: float | Scalar | None = None
     polish: bool = eqx.field(default=False, static=True)
     fallback: Lemke | None = eqx.field(default=None, static=True)
-    max_steps: int = eqx.field(default=25, static=True)
+    max_steps: int = eqx.field(default=40, static=True)
     tolerance: float | None = eqx.field(default=None, static=True)
 
     def __check_init__(self) -> None:
@@ -52,6 +52,8 @@ def path_forces(
     local: LocalProblem, facets: int | None, kappa: Scalar, softness: float | Scalar, max_steps: int
 ) -> tuple[Float[Real, " component"], Bool[Real, ""], Int[Real, ""]]:
     """Forces of the point with products kappa, whether it was found, and the number of steps."""
+    if local.offset.size == 0:
+        return local.offset, jnp.array(True), jnp.array(0, jnp.int32)
     kappa = jnp.asarray(kappa, local.offset.dtype)
     live = 3 * jnp.sum(local.active) + jnp.sum(local.limit_active)
     added = softness * jnp.trace(local.coupling) / jnp.maximum(live, 1)

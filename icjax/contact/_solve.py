@@ -78,7 +78,7 @@ def solve(
     forces, result, stats = _answered(sound, facets, solver, unit)
     result = RESULTS.where(valid, result, RESULTS.invalid_input)
     if isinstance(adjoint, Smoothed) and facets is not None:
-        smooth, found, _ = path_forces(sound, facets, _dimensionless(adjoint, unit), adjoint.kappa, 25)
+        smooth, found, _ = path_forces(sound, facets, _dimensionless(adjoint, unit), adjoint.kappa, 40)
         forces = lcp.carried(forces, jnp.where(found, smooth, forces))
 
     tolerance = lcp.tolerance(getattr(solver, "tolerance", None), forces.dtype)

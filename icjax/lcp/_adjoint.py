@@ -1,11 +1,10 @@
 """Which derivative a solution carries; the forward result never depends on it."""
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
-from jax import lax
 
-from icjax.lcp._central_path import System, central_path, solve_factored, times
+from icjax.compiling import as_primitive
+from icjax.lcp._central_path import System, central_path, factored, solve_factored, times
 from icjax.typing import Float, Real, Scalar
 
 
@@ -34,15 +33,12 @@ class Smoothed(eqx.Module):
             raise ValueError(f"kappa must be positive; got {self.kappa}")
 
 
-@jax.custom_jvp
 def carried(value: Real, source: Real) -> Real:
     """The value, with the derivative of the source. What makes the source is not computed in `jit` without need."""
-    return value
+    return _carried(value, source)
 
 
-@carried.defjvp
-def _carried_jvp(primals, tangents):
-    return carried(*primals), tangents[1]
+_carried = as_primitive(lambda value, source: value, lambda arguments, tangents: (_carried(*arguments), tangents[1]))
 
 
 class Dense(System):
@@ -68,7 +64,7 @@ class Dense(System):
 
     def factor(self, point):
         z, w = point
-        lu, _, permutation = lax.linalg.lu(jnp.diag(w) + z[:, None] * self.M)
+        lu, permutation = factored(jnp.diag(w) + z[:, None] * self.M)
         return lu, permutation
 
     def direction(self, point, factor, products, defects):

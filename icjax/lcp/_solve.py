@@ -3,12 +3,11 @@
 from functools import cache, partial
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from icjax.compiling import as_one_kernel, mapped_on_cpu
+from icjax.compiling import as_one_kernel, as_primitive
 from icjax.lcp._adjoint import Exact, Smoothed, smoothed
 from icjax.lcp._lemke import INVALID, MAX_PIVOTS, RAY, SOLVED, Lemke, Outcome, lemke
 from icjax.results import RESULTS, Solution
@@ -83,21 +82,14 @@ def solve(
     return Solution(value=z, result=result, stats=stats)
 
 
-@partial(jax.custom_jvp, nondiff_argnums=(0,))
 def _solve(solver: Lemke, M, q, perturbation) -> Outcome:
-    return _primal(solver, M, q, perturbation)
-
-
-@partial(jax.jit, static_argnums=0)
-def _primal(solver: Lemke, M, q, perturbation) -> Outcome:
-    """Compiled on its own, so that calls outside `jit` do not compile the loop again."""
     arrays = (M, q) if perturbation is None else (M, q, perturbation)
-    return _mapped(solver)(*arrays)
+    return _operation(solver)(*arrays)
 
 
 @cache
-def _mapped(solver: Lemke):
-    return mapped_on_cpu(partial(_scaled, solver))
+def _operation(solver: Lemke):
+    return as_primitive(partial(_scaled, solver), partial(_changed, solver))
 
 
 def _scaled(solver: Lemke, *arrays) -> Outcome:
@@ -139,12 +131,11 @@ def _largest(M):
     return jnp.max(lax.while_loop(lambda state: 4 * state[0] < n, further, start)[1])
 
 
-@_solve.defjvp
-def _solve_jvp(solver: Lemke, primals, tangents):
-    """Calls the differentiable function itself, so that the rule can be differentiated again."""
-    M, q, perturbation = primals
-    M_dot, q_dot, _ = tangents
-    outcome = _solve(solver, M, q, perturbation)
+def _changed(solver: Lemke, arguments, tangents) -> tuple[Outcome, Outcome]:
+    """On the final basis; calls the operation itself, so that the rule can be differentiated again."""
+    M, q, *perturbation = arguments
+    M_dot, q_dot = tangents[:2]
+    outcome = _solve(solver, M, q, *perturbation or [None])
     z, basis = outcome.z, outcome.basis
     if q.shape[0] == 0:
         z_dot = q_dot
@@ -152,19 +143,8 @@ def _solve_jvp(solver: Lemke, primals, tangents):
         matrix = jnp.where(basis[:, None] & basis[None, :], M, jnp.eye(q.shape[0], dtype=M.dtype))
         change = jnp.matmul(M_dot, z, precision=lax.Precision.HIGHEST) + q_dot
         z_dot = jnp.linalg.solve(matrix, -jnp.where(basis, change, 0.0))
-    return outcome, Outcome(
-        z=z_dot,
-        basis=_no_tangent(basis),
-        code=_no_tangent(outcome.code),
-        residual=jnp.zeros_like(outcome.residual),
-        absolute=jnp.zeros_like(outcome.absolute),
-        pivots=_no_tangent(outcome.pivots),
-        attempts=_no_tangent(outcome.attempts),
-    )
-
-
-def _no_tangent(x):
-    return np.zeros(jnp.shape(x), jax.dtypes.float0)
+    rest = dict.fromkeys(set(Outcome._fields) - {"z"})
+    return outcome, outcome._replace(z=z_dot, **rest)
 
 
 def _integral(*arrays) -> bool:
