@@ -10,15 +10,15 @@ Value = TypeVar("Value")
 class RESULTS(eqx.Enumeration):
     """Status of a solve. ``RESULTS.solved`` is the only success."""
 
-    solved = ""
+    solved = "Solved."
     secondary_ray = (
-        "Lemke's method ended on a secondary ray. The matrix of a frictional contact problem is not "
-        "copositive-plus, so this alone does not prove that the problem has no solution."
+        "Lemke's method ended on a secondary ray. Unless the matrix is copositive-plus (that of a contact problem with "
+        "friction is not) this does not prove that the problem has no solution."
     )
     breakdown = "The solver lost its basis to rounding: the recomputed residual is above the tolerance."
     max_pivots = "The solver reached its maximum number of pivots or iterations."
     not_converged = "The solver stopped before it reached its tolerance."
-    invalid_input = "The problem contains NaN or infinite numbers."
+    invalid_input = "The problem contains NaN, infinite numbers, or negative friction."
 
 
 class Solution(eqx.Module, Generic[Value]):

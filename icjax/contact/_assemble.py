@@ -1,5 +1,8 @@
 """From a contact problem to the linear complementarity problem of Section 7.1.3."""
 
+import dataclasses
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
@@ -7,7 +10,7 @@ from jax.core import Tracer
 from icjax.contact._cone import tangents
 from icjax.contact._local import LocalProblem, localised
 from icjax.contact._problem import ContactProblem
-from icjax.typing import Float, Real
+from icjax.typing import Bool, Float, Real
 
 
 def assemble(problem: ContactProblem, facets: int) -> tuple[Float[Real, "n n"], Float[Real, " n"]]:
@@ -48,7 +51,7 @@ def assembled(local: LocalProblem, facets: int) -> tuple[Float[Real, "n n"], Flo
         turned = turned.reshape(count * size, rows.shape[1])
         return jnp.concatenate([turned, rows[3 * count :]]) if limits else turned
 
-    DWD = spread(spread(local.coupling).T)
+    DWD = spread(spread(local.coupling).T).T
     s = spread(local.offset[:, None])[:, 0]
     diagonal = jnp.eye(count, dtype=dtype)
     ones = np.concatenate([[0.0], np.ones(2 * facets)])
@@ -59,7 +62,8 @@ def assembled(local: LocalProblem, facets: int) -> tuple[Float[Real, "n n"], Flo
     M = jnp.block([[DWD[:betas, :betas], -E.T], [F, jnp.zeros_like(diagonal)]])
     if limits:
         beside = jnp.concatenate([DWD[:betas, betas:], jnp.zeros((count, limits), dtype)])
-        M = jnp.block([[M, beside], [beside.T, DWD[betas:, betas:]]])
+        below = jnp.concatenate([DWD[betas:, :betas], jnp.zeros((limits, count), dtype)], axis=1)
+        M = jnp.block([[M, beside], [below, DWD[betas:, betas:]]])
     q = jnp.concatenate([s[:betas], jnp.zeros(count, dtype), s[betas:]])
     live = jnp.concatenate([jnp.repeat(local.active, size), local.active, local.limit_active])
     M = jnp.where(live[:, None] & live[None, :], M, jnp.eye(M.shape[0], dtype=dtype))
@@ -83,23 +87,48 @@ def masked(problem: ContactProblem) -> ContactProblem:
     )
 
 
+def sound(problem: ContactProblem) -> tuple[ContactProblem, Bool[Real, ""]]:
+    """A masked problem as it is, or zeros in place of NaN, infinite numbers or negative friction; and which it is."""
+    limit_gap = jnp.where(problem.limit_gap == jnp.inf, 0.0, problem.limit_gap)
+    numbers = (problem.coupling, problem.free_displacement, problem.gap, problem.frames, problem.friction, limit_gap)
+    valid = jnp.all(jnp.stack([jnp.all(jnp.isfinite(x)) for x in numbers])) & ~jnp.any(problem.friction < 0)
+    safe = jax.tree.map(lambda x: x if x.dtype == bool else jnp.where(valid, x, jnp.zeros_like(x)), problem)
+    frames = jnp.where(valid, problem.frames, jnp.eye(3, dtype=problem.frames.dtype)[None])
+    return dataclasses.replace(safe, frames=frames), valid
+
+
 def check(problem: ContactProblem) -> None:
-    """Raises `ValueError` on shapes that do not agree and on a concrete negative friction coefficient."""
-    count, limits = np.shape(problem.gap)[0], np.shape(problem.limit_gap)[0]
+    """Raises `TypeError` for what is no array, `ValueError` for shapes that do not agree and, where the numbers are
+    known, for negative friction and frames that are not orthonormal."""
+    for field in dataclasses.fields(problem):
+        if not hasattr(getattr(problem, field.name), "dtype"):
+            raise TypeError(f"{field.name} must be an array; got {type(getattr(problem, field.name)).__name__}")
+    if problem.active.dtype != bool:
+        raise TypeError(f"active must be bool; got {problem.active.dtype}")
+    count, limits = np.size(problem.gap), np.size(problem.limit_gap)
     size = 3 * count + limits
     wanted = {
         "coupling": (size, size),
         "free_displacement": (size,),
+        "gap": (count,),
         "frames": (count, 3, 3),
         "friction": (count,),
         "active": (count,),
+        "limit_gap": (limits,),
     }
     for name, shape in wanted.items():
-        if np.shape(getattr(problem, name)) != shape:
-            found = np.shape(getattr(problem, name))
-            beside = f" and {limits} limits" if limits else ""
-            raise ValueError(f"{name} must have shape {shape} for {count} contacts{beside}; got {found}")
-    if not isinstance(problem.friction, Tracer) and not isinstance(problem.active, Tracer):
-        friction = np.where(np.asarray(problem.active), np.asarray(problem.friction), 0.0)
-        if np.any(friction < 0):
-            raise ValueError(f"friction must not be negative; got {float(np.min(friction))}")
+        found = np.shape(getattr(problem, name))
+        if found != shape:
+            of = f"{count} contacts (gap) and {limits} limits (limit_gap)"
+            raise ValueError(f"{name} must have shape {shape} for {of}; got {found}")
+    if any(isinstance(x, Tracer) for x in (problem.friction, problem.active, problem.frames)):
+        return
+    active = np.asarray(problem.active)
+    friction = np.where(active, np.asarray(problem.friction), 0.0)
+    if np.any(friction < 0):
+        raise ValueError(f"friction must not be negative; got {float(np.min(friction))}")
+    frames = np.where(active[:, None, None], np.asarray(problem.frames, float), np.eye(3)[None])
+    off = np.max(np.abs(np.swapaxes(frames, 1, 2) @ frames - np.eye(3)[None]), axis=(1, 2), initial=0.0)
+    if np.any(off > 1e-4):
+        i = int(np.argmax(off > 1e-4))
+        raise ValueError(f"frames must be orthonormal (columns normal, tangent 1, tangent 2); frames[{i}] is not")

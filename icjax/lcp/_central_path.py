@@ -154,6 +154,7 @@ def _followed(system: System, kappa, max_steps) -> Path:
     eps = float(jnp.finfo(kappa.dtype).eps)
     centred = max(_CENTRED, 10 * eps**0.5)
     sizes, fractions = jnp.asarray(_STARTS, kappa.dtype).T
+    sizes = sizes * jnp.maximum(1.0, jnp.sqrt(kappa))
 
     def largest(x):
         return jnp.max(jnp.abs(x), initial=0.0)

@@ -9,7 +9,7 @@ from jax import lax
 
 from icjax.compiling import as_one_kernel, as_primitive
 from icjax.lcp._adjoint import Exact, Smoothed, smoothed
-from icjax.lcp._lemke import INVALID, MAX_PIVOTS, RAY, SOLVED, Lemke, Outcome, lemke
+from icjax.lcp._lemke import BREAKDOWN, INVALID, MAX_PIVOTS, RAY, SOLVED, Lemke, Outcome, lemke
 from icjax.results import RESULTS, Solution
 from icjax.typing import Float, Real
 
@@ -55,10 +55,12 @@ def solve(
     and the statistics `residual` (``max|min(z, Mz + q)|``), `relative_residual` (of the scaled problem, compared
     with the solver's tolerance), `pivots` and `attempts`.
 
-    **Errors**: `ValueError` if the shapes do not agree.
+    **Errors**: `ValueError` if the shapes do not agree, `TypeError` for another solver.
 
     **Source**: Kry and Pai (2006), Section 7.1.3; Cottle, Pang and Stone (1992), Algorithm 4.4.5.
     """
+    if not isinstance(solver, Lemke):
+        raise TypeError(f"solver must be Lemke (the others need a contact problem); got {type(solver).__name__}")
     if np.shape(M) != (np.size(q), np.size(q)) or np.ndim(q) != 1:
         raise ValueError(f"M must be [n, n] and q [n]; got M {np.shape(M)} and q {np.shape(q)}")
     dtype = jnp.result_type(M, q, jnp.finfo(jnp.result_type(float)).dtype if _integral(M, q) else q)
@@ -107,8 +109,9 @@ def _one(solver: Lemke, M, q, perturbation=None) -> Outcome:
     sizes = _largest(M), jnp.max(jnp.abs(q))
     valid = jnp.isfinite(sizes[0]) & jnp.isfinite(sizes[1])
     outcome = lemke(solver, M, q, [_scale(size) for size in sizes], valid, perturbation)
+    broken = (outcome.code == SOLVED) & ~jnp.all(jnp.isfinite(outcome.z))  # z overflows in the units of the problem
     return outcome._replace(
-        code=jnp.where(valid, outcome.code, INVALID),
+        code=jnp.where(valid, jnp.where(broken, BREAKDOWN, outcome.code), INVALID),
         residual=jnp.where(valid, outcome.residual, jnp.nan),
         absolute=jnp.where(valid, outcome.absolute, jnp.nan),
     )

@@ -150,25 +150,149 @@ def test_no_contact_at_all(name):
 
 @pytest.mark.parametrize("adjoint", [Exact(), Smoothed(1e-4)])
 def test_checkpointed_scan_and_hessian(adjoint):
-    """A rollout of steps pushes one contact on: reverse mode through checkpoints is forward mode, second order too."""
-    problem = jax.tree.map(jnp.asarray, random_grasp(11, 3))
+    """A rollout whose steps push one contact on: forward, reverse and second derivatives, through checkpoints."""
+    problem = jax.tree.map(jnp.asarray, random_grasp(11, 2))
 
     def rollout(push):
         @jax.checkpoint
         def step(offset, _):
             moved = eqx.tree_at(lambda p: p.free_displacement, problem, problem.free_displacement * push + offset)
-            found = solve(moved, adjoint=adjoint)
+            found = solve(moved, adjoint=adjoint, facets=2)
             return 0.3 * found.value.displacement.reshape(-1), jnp.sum(found.value.force**2)
 
-        _, work = jax.lax.scan(step, jnp.zeros(9), None, length=4)
+        _, work = jax.lax.scan(step, jnp.zeros(6), None, length=4)
         return jnp.sum(work)
 
-    push = jnp.array(1.1)
-    backward, forward = jax.jit(jax.grad(rollout))(push), jax.jit(jax.jacfwd(rollout))(push)
-    assert float(jnp.abs(forward)) > 0
-    np.testing.assert_allclose(backward, forward, rtol=1e-9)
+    def along(function):
+        return jax.jit(lambda push: jax.jvp(function, (push,), (jnp.ones(()),)))
+
+    forward, push, step = along(rollout), jnp.array(1.1), 1e-4
+    assert float(jnp.abs(forward(push)[1])) > 0
+    if isinstance(adjoint, Smoothed):  # the slope of its slope, beside exact forces, is no second derivative
+        np.testing.assert_allclose(jax.jit(jax.grad(rollout))(push), forward(push)[1], rtol=1e-9)
+    else:
+        second = along(jax.grad(rollout))
+        np.testing.assert_allclose(second(push)[0], forward(push)[1], rtol=1e-9)
+        difference = (second(push + step)[0] - second(push - step)[0]) / (2 * step)
+        np.testing.assert_allclose(second(push)[1], difference, rtol=1e-5)
+
+
+def test_coupling_need_not_be_symmetric():
+    """No solver takes W for its transpose; Lemke's answer is one for the contacts and the limit themselves."""
+    problem = random_grasp(5, 2)
+    skew = np.random.default_rng(1).normal(size=(7, 7)) * 0.3 * np.max(problem.coupling)
+    coupling = np.eye(7) * np.max(problem.coupling) + skew
+    coupling[:6, :6] += problem.coupling
+    given = ContactProblem(
+        coupling,
+        np.append(problem.free_displacement, -1e-3),
+        problem.gap,
+        problem.frames,
+        problem.friction,
+        problem.active,
+        np.zeros(1),
+    )
+    for solver in (Lemke(), InteriorPoint(1e-7, polish=True)):
+        found = jax.jit(partial(solve, solver=solver))(given)
+        assert found.result == RESULTS.solved
+        assert float(found.stats["residual"]) < 1e-9
+
+
+@pytest.mark.parametrize("facets", [2, None])
+def test_tresca_derivatives(facets):
+    """The fixed point carries the derivative of its states, on the polygon and on the circle; so it may be fitted."""
+    problem = jax.tree.map(jnp.asarray, random_grasp(1, 2))
+    solver = Projected(tolerance=1e-10, max_steps=20_000)
+
+    @jax.jit
+    def force(numbers):
+        moved = eqx.tree_at(lambda p: (p.gap, p.friction, p.coupling), problem, numbers)
+        return solve(moved, facets=facets, solver=solver).value.force
+
+    at = (problem.gap - 1e-3, jnp.array([0.5, 0.3]), problem.coupling)
+    along = (jnp.array([1e-3, 0.5e-3]), jnp.array([0.2, 0.1]), 0.1 * problem.coupling)
+    _, slope = jax.jit(lambda x: jax.jvp(force, (x,), (along,)))(at)
     step = 1e-4
-    if isinstance(adjoint, Exact):
-        slope = jax.jit(jax.grad(rollout))
-        second = jax.jit(jax.hessian(rollout))(push)
-        np.testing.assert_allclose(second, (slope(push + step) - slope(push - step)) / (2 * step), rtol=1e-5)
+    ends = [force(jax.tree.map(lambda x, d, s=s: x + s * d, at, along)) for s in (step, -step)]
+    assert float(jnp.max(jnp.abs(slope))) > 0.01
+    near(slope, (ends[0] - ends[1]) / (2 * step))
+
+
+def test_smoothed_derivatives_are_those_of_the_path():
+    """In coupling and frames too, which turn forces into displacements and back."""
+
+    def problem(angle, scale):
+        c, s = jnp.cos(angle), jnp.sin(angle)
+        frame = jnp.stack([jnp.stack([c, -s, 0.0]), jnp.stack([s, c, 0.0]), jnp.array([0.0, 0.0, 1.0])])
+        return ContactProblem(
+            scale * jnp.eye(3), jnp.zeros(3), jnp.array([0.1]), frame[None], jnp.array([0.5]), jnp.ones(1, bool)
+        )
+
+    def both(x, **choice):
+        value = solve(problem(*x), facets=2, **choice).value
+        return value.force, value.displacement
+
+    smooth = jax.jit(jax.jacfwd(partial(both, adjoint=Smoothed(1e-2, unit=1.0))))
+    path = jax.jit(jax.jacfwd(partial(both, solver=InteriorPoint(1e-2, unit=1.0))))
+    x = jnp.array([0.3, 1.0])
+    for one, two in zip(smooth(x), path(x), strict=True):
+        assert float(jnp.max(jnp.abs(two))) > 1e-2
+        np.testing.assert_allclose(one, two, atol=1e-9)
+
+
+def test_invalid_numbers_reach_no_derivative():
+    """A batch shares its frames with a problem that holds NaN: its gradient is that of the others."""
+    problem = jax.tree.map(jnp.asarray, random_grasp(1, 2, "penetrating"))
+    couplings = jnp.stack([problem.coupling, problem.coupling.at[0, 0].set(jnp.nan)])
+
+    def total(frames, coupling):
+        moved = eqx.tree_at(lambda p: (p.frames, p.coupling), problem, (frames, coupling))
+        return jnp.sum(solve(moved, facets=2).value.force ** 2)
+
+    slope = jax.jit(jax.vmap(jax.grad(total), in_axes=(None, 0)))(problem.frames, couplings)
+    assert np.any(np.asarray(slope[0]))
+    np.testing.assert_array_equal(slope[1], np.zeros_like(slope[1]))
+
+
+def test_forces_beyond_the_largest_number_are_no_solution():
+    small = ContactProblem(
+        np.eye(3, dtype=np.float32) * np.float32(1e-25),
+        np.array([0.0, 0.0, -1e18], np.float32),
+        np.zeros(1, np.float32),
+        np.eye(3, dtype=np.float32)[None][:, :, [2, 0, 1]],
+        np.ones(1, np.float32),
+        np.ones(1, bool),
+    )
+    assert run["Lemke"](small).result == RESULTS.breakdown
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("coupling", [[1.0]], "coupling must be an array; got list"),
+        ("active", np.ones(2), "active must be bool; got float64"),
+        ("frames", np.ones((2, 3, 3)), r"frames must be orthonormal .* frames\[0\] is not"),
+        ("coupling", np.eye(7), r"shape \(6, 6\) for 2 contacts \(gap\) and 0 limits \(limit_gap\); got \(7, 7\)"),
+        ("friction", -np.ones(2), "friction must not be negative; got -1"),
+    ],
+)
+def test_wrong_fields_are_named(field, value, message):
+    problem = random_grasp(2, 2)
+    object.__setattr__(problem, field, value)
+    with pytest.raises((TypeError, ValueError), match=message):
+        solve(problem)
+
+
+@pytest.mark.parametrize("depth", [-1e-4, -1e-9, 0.0, 1e-9, 1e-4])
+def test_smoothed_derivative_of_a_pressed_fingertip(depth):
+    """``f (W f - d) = kappa``: ``df/dd = (1 + d / sqrt(d^2 + 4 kappa W)) / 2W``, also where d is next to nothing."""
+    np.testing.assert_allclose(_pressed_slope(depth), 500.0 * (1 + depth / np.hypot(depth, 2e-5)), rtol=2e-3)
+
+
+@jax.jit
+@jax.grad
+def _pressed_slope(depth):
+    free = -depth * jnp.array([0.0, 0.0, 1.0])
+    frames = jnp.eye(3)[None][:, :, [2, 0, 1]]
+    problem = ContactProblem(1e-3 * jnp.eye(3), free, jnp.zeros(1), frames, jnp.full(1, 0.5), jnp.ones(1, bool))
+    return solve(problem, adjoint=Smoothed(1e-7, unit=1.0)).value.force[0, 2]
