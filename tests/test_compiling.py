@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from icjax import compiling, lcp
-from icjax.compiling import as_one_kernel
+from icjax.compiling import as_one_kernel, as_primitive
 from icjax.contact import assemble, dimensionless, random_grasp
 from icjax.lcp import residual
 
@@ -51,6 +51,39 @@ def test_the_program_holds_one_call_and_no_loop_of_its_own():
 def test_an_unknown_version_changes_nothing(monkeypatch):
     monkeypatch.setattr(compiling, "version", lambda package: "99.0.0")
     assert as_one_kernel(halved) is halved
+
+
+def _root(x):
+    """Heron's square root, which knows nothing of derivatives, and the number of its steps."""
+    return jax.lax.while_loop(lambda s: s[1] < 30, lambda s: (0.5 * (s[0] + x / s[0]), s[1] + 1), (x, 0))
+
+
+def _slope(arguments, tangents):
+    root, steps = square_root(*arguments)
+    return (root, steps), (tangents[0] / (2 * root), None)
+
+
+square_root = as_primitive(_root, _slope)
+
+
+def test_an_operation_keeps_its_derivative_in_scans_in_every_order_and_batch():
+    """x^(1/4): the rule of a `custom_jvp` would be lost within reverse mode of the scan."""
+
+    def rolled(x):
+        return jax.lax.scan(lambda c, _: (jax.checkpoint(lambda c: square_root(c)[0])(c), None), x, None, length=2)[0]
+
+    x = jnp.array([2.0, 3.0])
+    for second in (
+        jax.hessian(rolled),
+        jax.jacrev(jax.jacrev(rolled)),
+        jax.jacfwd(jax.jacfwd(rolled)),
+        jax.jacrev(jax.jacfwd(rolled)),
+    ):
+        np.testing.assert_allclose(jax.vmap(second)(x), -3 / 16 * x**-1.75, rtol=1e-12)
+        np.testing.assert_allclose(jax.jit(second)(x[0]), -3 / 16 * x[0] ** -1.75, rtol=1e-12)
+    root, steps = jax.vmap(jax.vmap(square_root), in_axes=1, out_axes=1)(x[None] * jnp.ones((3, 1)))
+    np.testing.assert_allclose(root, jnp.sqrt(x)[None] * jnp.ones((3, 1)), rtol=1e-15)
+    assert steps.dtype == jnp.int_
 
 
 def problem(seed=0, contacts=N // 6):
