@@ -27,7 +27,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from icjax.contact import (
-    RESULTS,
     SLIDING,
     ContactProblem,
     InteriorPoint,
@@ -37,6 +36,7 @@ from icjax.contact import (
     solve,
 )
 from icjax.lcp import Lemke, Smoothed
+from icjax.results import RESULTS
 
 up = jnp.array([0.0, 0.0, 1.0])
 

@@ -16,4 +16,3 @@ from icjax.contact._problem import ContactProblem as ContactProblem
 from icjax.contact._projected import Projected as Projected
 from icjax.contact._scale import dimensionless as dimensionless
 from icjax.contact._solve import solve as solve
-from icjax.results import RESULTS as RESULTS

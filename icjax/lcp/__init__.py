@@ -13,4 +13,3 @@ from icjax.lcp._lemke import Lemke as Lemke
 from icjax.lcp._residual import residual as residual
 from icjax.lcp._residual import tolerance as tolerance
 from icjax.lcp._solve import solve as solve
-from icjax.results import RESULTS as RESULTS
