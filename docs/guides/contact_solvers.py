@@ -157,7 +157,7 @@ axis.legend(frameon=False)
 #
 # Exactly, a fingertip above the table feels nothing, and its derivative is zero: nothing for a fit to hold on to.
 # `Smoothed(kappa)` leaves the forces as they are and takes the derivative of the central path, which sees the table
-# coming, from as far as $\\sqrt{\\kappa W}$: 0.03 and 0.1 mm here.
+# coming, from as far as $\sqrt{\kappa W}$: 0.03 and 0.1 mm here.
 
 # %%
 depth = jnp.linspace(-1e-3, 1e-3, 81)
@@ -178,4 +178,4 @@ for adjoint, label in (
     slope = jax.jit(jax.vmap(jax.grad(partial(normal_force, adjoint=adjoint))))(depth)
     below.plot(1e3 * depth, slope / 1e3, label=label)
 below.set(xlabel="depth (mm)", ylabel="its derivative (N/mm)")
-below.legend(frameon=False)
+below.legend(frameon=False, loc="upper left")

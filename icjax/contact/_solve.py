@@ -81,8 +81,6 @@ def solve(
     residual = judged.residual()
     answer = _in_the_world(problem, local, forces, length / compliance)
     finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(x)) for x in answer]))
-    if isinstance(solver, Lemke):  # judged as an LCP; W of very different entries can hide more than rounding there
-        finite = finite & (residual <= _HIDDEN * tolerance)
     result = RESULTS.where((result == RESULTS.solved) & ~finite, RESULTS.breakdown, result)
     result = RESULTS.where(valid, result, RESULTS.invalid_input)
     if isinstance(adjoint, Smoothed) and facets is not None:
@@ -156,8 +154,12 @@ def _by_lemke(local: LocalProblem, facets: int, solver: Lemke):
     forces = jnp.concatenate([beta[:, :1], tangential], axis=1)
     forces = jnp.concatenate([forces.reshape(-1), z[count * (size + 1) :]])
     live = jnp.concatenate([jnp.repeat(local.active, 3), local.limit_active])
-    stats = {name: solution.stats[name] for name in ("pivots", "attempts")}
-    return jnp.where(live, forces, 0.0), solution.result, stats
+    forces = jnp.where(live, forces, 0.0)
+    # Judged as an LCP so far, where W of very different entries can hide more than rounding.
+    residual = Judged(local, facets, lax.stop_gradient(forces)).residual()
+    off = (solution.result == RESULTS.solved) & ~(residual <= _HIDDEN * lcp.tolerance(solver.tolerance, forces.dtype))
+    result = RESULTS.where(off, RESULTS.breakdown, solution.result)
+    return forces, result, {name: solution.stats[name] for name in ("pivots", "attempts")}
 
 
 def _perturbation(local: LocalProblem, facets: int):

@@ -23,3 +23,16 @@ def one_contact(free, gap=0.0, coupling=1e-3, friction=0.5, frame=None) -> Conta
 def random_frame(rng: np.random.Generator) -> np.ndarray:
     normal = rng.normal(size=3)
     return np.asarray(contact_frame(normal / np.linalg.norm(normal)))
+
+
+def reordered(problem: ContactProblem, order) -> ContactProblem:
+    """The same contacts in other slots."""
+    wide = (3 * np.asarray(order)[:, None] + np.arange(3)).reshape(-1)
+    return ContactProblem(
+        problem.coupling[np.ix_(wide, wide)],
+        problem.free_displacement[wide],
+        problem.gap[order],
+        problem.frames[order],
+        problem.friction[order],
+        problem.active[order],
+    )

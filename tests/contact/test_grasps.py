@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from contact_scenes import one_contact
+from contact_scenes import one_contact, reordered
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -27,18 +27,6 @@ def answer(problem):
 
 
 assembled = jax.jit(assemble, static_argnums=1)
-
-
-def reordered(problem: ContactProblem, order) -> ContactProblem:
-    wide = (3 * np.asarray(order)[:, None] + np.arange(3)).reshape(-1)
-    return ContactProblem(
-        problem.coupling[np.ix_(wide, wide)],
-        problem.free_displacement[wide],
-        problem.gap[order],
-        problem.frames[order],
-        problem.friction[order],
-        problem.active[order],
-    )
 
 
 @settings(max_examples=40, deadline=None)
