@@ -14,19 +14,28 @@ MODES_TOLERANCE = 1e-12
 """Forward and reverse mode compute the same sums in another order."""
 
 
-def check_derivatives(function, x, tolerance=DIFFERENCE_TOLERANCE):
-    """`function` of one array to one array; errors are relative to the largest entry of the derivative, or one."""
-    x = jnp.asarray(x, float)
-    steps = STEP * jnp.eye(x.size).reshape(x.size, *x.shape)
+def check_derivatives(function, *points, tolerance=DIFFERENCE_TOLERANCE):
+    """`function` of one array to one array, at each point; errors are relative to the largest derivative, or one.
+
+    A point may be a tuple: the array, then further arguments that stay. All points share one compilation.
+    """
 
     @jax.jit
-    def derivatives(x):
-        central = jax.vmap(lambda step: (function(x + step) - function(x - step)) / (2 * STEP), out_axes=-1)(steps)
-        return jax.jacfwd(function)(x), jax.jacrev(function)(x), central
+    def derivatives(x, *given):
+        steps = STEP * jnp.eye(x.size).reshape(x.size, *x.shape)
 
-    forward, reverse, central = map(np.asarray, derivatives(x))
-    central = central.reshape(forward.shape)
-    size = max(1.0, np.abs(forward).max(initial=0.0))
-    assert np.isfinite(forward).all()
-    np.testing.assert_allclose(reverse, forward, rtol=0, atol=MODES_TOLERANCE * size)
-    np.testing.assert_allclose(central, forward, rtol=0, atol=tolerance * size)
+        def central(step):
+            return (function(x + step, *given) - function(x - step, *given)) / (2 * STEP)
+
+        found = jax.vmap(central, out_axes=-1)(steps)
+        forward, reverse = jax.jacfwd(function)(x, *given), jax.jacrev(function)(x, *given)
+        return forward, reverse, found.reshape(forward.shape)
+
+    for point in points:
+        x, *given = point if isinstance(point, tuple) else (point,)
+        forward, reverse, central = map(np.asarray, derivatives(jnp.asarray(x, float), *given))
+        size = max(1.0, np.abs(forward).max(initial=0.0))
+        assert np.isfinite(forward).all(), point
+        told = f"at {point}"
+        np.testing.assert_allclose(reverse, forward, rtol=0, atol=MODES_TOLERANCE * size, err_msg=told)
+        np.testing.assert_allclose(central, forward, rtol=0, atol=tolerance * size, err_msg=told)

@@ -1,4 +1,14 @@
-"""Surfaces as signed distances: differentiable shapes with closest points and normals."""
+"""Solids as signed distances: differentiable shapes with closest points, normals, mass properties and corners."""
 
+from icjax.geometry._box import Box as Box
 from icjax.geometry._ellipsoid import Ellipsoid as Ellipsoid
 from icjax.geometry._plane import Plane as Plane
+from icjax.geometry._prism import Prism as Prism
+from icjax.geometry._prism import wedge as wedge
+from icjax.geometry._round import Capsule as Capsule
+from icjax.geometry._round import Cylinder as Cylinder
+from icjax.geometry._round import Sphere as Sphere
+from icjax.geometry._shape import MassProperties as MassProperties
+from icjax.geometry._shape import Placed as Placed
+from icjax.geometry._shape import Probes as Probes
+from icjax.geometry._shape import Shape as Shape

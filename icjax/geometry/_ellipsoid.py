@@ -1,16 +1,18 @@
 """Ellipsoid with its exact signed distance."""
 
-import equinox as eqx
+import math
+
 import jax
 import jax.numpy as jnp
 
+from icjax.geometry._shape import MassProperties, Probes, Shape
 from icjax.typing import Float, Real
 
 _MAX_ITERATIONS = 100
 _SMOOTHING_STEPS = 2  # Newton steps kept in the derivative: exact to third order (errors e -> e^2 -> e^4)
 
 
-class Ellipsoid(eqx.Module):
+class Ellipsoid(Shape):
     r"""Solid ellipsoid $\sum_i (y_i / r_i)^2 \le 1$ with $y = R^T (p - c)$.
 
     The closest point is $x_i = r_i^2 y_i / (t + r_i^2)$, where $t$ is the largest root of the secular equation
@@ -49,6 +51,19 @@ class Ellipsoid(eqx.Module):
         """Outward unit normal at the point of the surface closest to `p`."""
         _, u = self._closest(p)
         return self.rotation @ (u / jnp.sqrt(jnp.sum(u**2)))
+
+    def mass_properties(self) -> MassProperties:
+        """V = 4 pi a b c / 3 and V (b^2 + c^2) / 5 about the first axis."""
+        square = self.radii**2
+        volume = 4.0 / 3.0 * math.pi * jnp.prod(self.radii)
+        inertia = self.rotation @ jnp.diag(volume / 5.0 * (jnp.sum(square) - square)) @ self.rotation.T
+        return MassProperties(volume, self.centre, inertia)
+
+    def probes(self, direction: Float[Real, "3"]) -> Probes:
+        """The point farthest along the direction, c + R r^2 d / |r d| with d in the axes of the ellipsoid."""
+        scaled = self.radii * (self.rotation.T @ direction)
+        farthest = self.centre + self.rotation @ (self.radii * scaled / jnp.sqrt(jnp.sum(scaled**2)))
+        return Probes(farthest[None], jnp.zeros(1, farthest.dtype))
 
     def _closest(self, p: Float[Real, "3"]) -> tuple[Float[Real, ""], Float[Real, "3"]]:
         """The root t of the secular equation and u = y / (t + r^2); the closest point is r^2 u."""

@@ -1,12 +1,12 @@
 """Half-space."""
 
-import equinox as eqx
 import jax.numpy as jnp
 
+from icjax.geometry._shape import MassProperties, Probes, Shape
 from icjax.typing import Float, Real
 
 
-class Plane(eqx.Module):
+class Plane(Shape):
     """Half-space of solid behind a plane: `signed_distance(p) = n^T (p - point)`.
 
     **Arguments**
@@ -33,3 +33,11 @@ class Plane(eqx.Module):
     def normal(self, p: Float[Real, "3"]) -> Float[Real, "3"]:
         """Outward unit normal (the same at every `p`)."""
         return self.normal_direction / jnp.sqrt(jnp.sum(self.normal_direction**2))
+
+    def mass_properties(self) -> MassProperties:
+        """**Errors**: `ValueError`, always."""
+        raise ValueError("a half-space has no mass; only fixed and driven bodies can be planes")
+
+    def probes(self, direction: Float[Real, "3"]) -> Probes:
+        """**Errors**: `ValueError`, always."""
+        raise ValueError("a half-space has no corners; only fixed and driven bodies can be planes")
