@@ -124,7 +124,7 @@ def _changed(arguments, tangents) -> tuple[Path, Path]:
     """By the implicit function theorem."""
     system, kappa, max_steps = arguments
     system_dot, kappa_dot, _ = tangents
-    path = central_path(system, kappa, max_steps)
+    path = _path(system, kappa, max_steps)
     point = path.point
     real, rest = eqx.partition(system, eqx.is_inexact_array)
 
