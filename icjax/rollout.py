@@ -6,7 +6,7 @@ import os
 
 import equinox as eqx
 
-from icjax.files import labelled, load_record, names, save_record, static
+from icjax.files import labelled, load_record, names, optional, save_record, static
 from icjax.model import Model
 from icjax.typing import Float, Int, Real
 
@@ -15,9 +15,10 @@ SLIP_STATES = ("open", "sticking", "sliding")
 
 
 class Rollout(eqx.Module):
-    """Simulated interaction: one row a time step, one column a contact slot (pad and surface).
+    """Simulated interaction: one row a time step, one column a contact slot (pad or corner, and what it touches).
 
-    Forces act on the subject, world axes. A masked or open slot carries zero force.
+    Forces act on the first body of the slot's name, world axes. A masked or open slot carries zero force. What is
+    stated of objects is None where there are none.
     """
 
     name: str = static()
@@ -31,7 +32,7 @@ class Rollout(eqx.Module):
     contact_force: Float[Real, "time slot 3"] = labelled("time", "slot", "axis", unit="N")
     contact_point: Float[Real, "time slot 3"] = labelled("time", "slot", "axis", unit="m")
     contact_normal: Float[Real, "time slot 3"] = labelled("time", "slot", "axis", unit="1")
-    gap: Float[Real, "time slot"] = labelled("time", "slot", unit="m", doc="of the undeformed pad, negative inside")
+    gap: Float[Real, "time slot"] = labelled("time", "slot", unit="m", doc="of the undeformed bodies, negative inside")
     slip_state: Int[Real, "time slot"] = labelled("time", "slot", unit="1", doc="index into SLIP_STATES")
     equilibrium_error: Float[Real, "time dof"] = labelled(
         "time", "dof", unit="rad or m", doc="theta_err of Eq. 7 after the step"
@@ -39,6 +40,19 @@ class Rollout(eqx.Module):
     residual: Float[Real, " time"] = labelled("time", unit="1", doc="complementarity residual, dimensionless")
     status: Int[Real, " time"] = labelled("time", unit="1", doc="0 where the step was solved, else the RESULTS index")
     margin: Float[Real, " time"] = labelled("time", unit="1", doc="distance from a change of contact state")
+    object_names: tuple[str, ...] = names("object", default=())
+    object_position: Float[Real, "time object 3"] | None = optional(
+        "time", "object", "axis", unit="m", doc="origin of the object's frame, world"
+    )
+    object_quaternion: Float[Real, "time object 4"] | None = optional(
+        "time", "object", "wxyz", unit="1", doc="rotation from the object's frame to world"
+    )
+    object_velocity: Float[Real, "time object 3"] | None = optional(
+        "time", "object", "axis", unit="m/s", doc="of the centre of mass, world"
+    )
+    object_angular_velocity: Float[Real, "time object 3"] | None = optional(
+        "time", "object", "axis", unit="rad/s", doc="mean over the step, world"
+    )
 
     def save(self, path: str | os.PathLike) -> None:
         """Write one labelled netCDF file, complete or not at all."""

@@ -95,6 +95,8 @@ def _compare(group: Any, record: type, prefix: str, problems: list[str]) -> None
             _compare_variable(group, field.name, metadata, path, problems)
         elif "names" in metadata:
             dim = metadata["names"]
+            if dim not in group.dimensions and field.default is not dataclasses.MISSING:
+                continue
             if dim not in group.dimensions:
                 problems.append(f"dimension '{prefix}{dim}' is missing")
             elif group.dimensions[dim].size and field.name not in group.variables:

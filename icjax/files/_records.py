@@ -45,9 +45,13 @@ def optional(*dims: str, unit: str, doc: str = "") -> Any:
     return eqx.field(default=None, metadata={"dims": dims, "unit": unit, "doc": doc, "optional": True})
 
 
-def names(dim: str) -> Any:
-    """Static field: a tuple of strings that names the entries along `dim`."""
-    return eqx.field(static=True, metadata={"names": dim})
+def names(dim: str, default: Any = dataclasses.MISSING) -> Any:
+    """Static field: a tuple of strings that names the entries along `dim`.
+
+    A file without `dim` gives the default, if there is one.
+    """
+    keywords = {} if default is dataclasses.MISSING else {"default": default}
+    return eqx.field(static=True, metadata={"names": dim}, **keywords)
 
 
 def static(default: Any = dataclasses.MISSING) -> Any:
@@ -197,6 +201,8 @@ def _read(group: Any, kind: type, path: Path) -> Any:
         elif "dims" in metadata:
             values[field.name] = _read_array(group, field.name, path)
         elif "names" in metadata:
+            if metadata["names"] not in group.dimensions and field.default is not dataclasses.MISSING:
+                continue
             dim = group.dimensions[metadata["names"]]
             found = group.variables[field.name][...] if dim.size else ()
             values[field.name] = tuple(item.decode() if isinstance(item, bytes) else str(item) for item in found)

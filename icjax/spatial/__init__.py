@@ -3,6 +3,7 @@
 from icjax.spatial._pose import Pose as Pose
 from icjax.spatial._pose import twist_exp as twist_exp
 from icjax.spatial._pose import twist_log as twist_log
+from icjax.spatial._rotation import left_jacobian_inverse as left_jacobian_inverse
 from icjax.spatial._rotation import quaternion_exp as quaternion_exp
 from icjax.spatial._rotation import quaternion_log as quaternion_log
 from icjax.spatial._rotation import quaternion_multiply as quaternion_multiply

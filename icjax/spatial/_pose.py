@@ -5,8 +5,8 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 
-from icjax.spatial._rotation import rotation_exp, rotation_log, skew
-from icjax.spatial._series import cotangent_defect, sine_excess, versine
+from icjax.spatial._rotation import left_jacobian_inverse, rotation_exp, rotation_log, skew
+from icjax.spatial._series import sine_excess, versine
 from icjax.typing import Float, Real, Vector3, Vector6
 
 
@@ -63,9 +63,7 @@ def twist_exp(xi: Vector6) -> Pose:
 def twist_log(X: Pose) -> Vector6:
     """Twist (angular, linear) whose exponential is `X`; rotation angle at most pi. Inverse of [`twist_exp`].
 
-    V(w)^-1 = I - [w]/2 + (1 - (a/2) cot(a/2))/a^2 [w]^2.
+    The linear part is V(w)^-1 p, see [`left_jacobian_inverse`].
     """
     w = rotation_log(X.rotation)
-    W = skew(w)
-    inverse = jnp.eye(3, dtype=W.dtype) - 0.5 * W + cotangent_defect(jnp.dot(w, w)) * (W @ W)
-    return jnp.concatenate([w, inverse @ X.position])
+    return jnp.concatenate([w, left_jacobian_inverse(w) @ X.position])

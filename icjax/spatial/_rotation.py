@@ -2,7 +2,7 @@
 
 import jax.numpy as jnp
 
-from icjax.spatial._series import SWITCH, TERMS, sinc, versine
+from icjax.spatial._series import SWITCH, TERMS, cotangent_defect, sinc, versine
 from icjax.typing import Float, Matrix3, Quaternion, Real, Scalar, Vector3
 
 
@@ -28,6 +28,15 @@ def rotation_exp(w: Vector3) -> Matrix3:
     x = jnp.dot(w, w)
     W = skew(w)
     return jnp.eye(3, dtype=W.dtype) + sinc(x) * W + versine(x) * (W @ W)
+
+
+def left_jacobian_inverse(w: Vector3) -> Matrix3:
+    """V(w)^-1 = I - [w]/2 + (1 - (a/2) cot(a/2))/a^2 [w]^2, a = norm(w): how `w` changes when exp([w]) is turned on.
+
+    exp([w + V^-1 d]) = exp([d]) exp([w]) to first order in d. **Arguments**: `w` rad, of length below 2 pi.
+    """
+    W = skew(w)
+    return jnp.eye(3, dtype=W.dtype) - 0.5 * W + cotangent_defect(jnp.dot(w, w)) * (W @ W)
 
 
 def rotation_log(R: Matrix3) -> Vector3:

@@ -21,11 +21,13 @@ class Target(eqx.Module):
     """Where the hand wants to be at the end of a step, and how firmly: one row of an interaction trajectory.
 
     **Fields**: `reference` theta_r(k+1) (rad, m); `compliance` C(k+1), its diagonal (rad/Nm, m/N), zero on driven
-    degrees of freedom.
+    degrees of freedom; `wrench` on the objects besides gravity and contact, torque about the centre of mass and force,
+    world axes (Nm, N), None for none.
     """
 
     reference: Float[Real, "*time nq"]
     compliance: Float[Real, "*time nv"]
+    wrench: Float[Real, "*time object 6"] | None = None
 
 
 class QuasiStaticHand(eqx.Module):

@@ -51,14 +51,27 @@ def _findings(rollout: Rollout, solved: np.ndarray) -> Iterator[tuple[str, str]]
     size = float(np.abs(force).max(initial=0.0))
     if np.any(pressing < -PULL * max(size, 1.0)):
         yield "error", "a contact pulls in a solved step"
-    surfaces = {item["name"]: float(item["friction"]) for item in json.loads(rollout.scene)["surfaces"]}
+    scene = json.loads(rollout.scene)
     sliding = np.linalg.norm(force - pressing[:, :, None] * normal, axis=2)
     for slot, name in enumerate(rollout.slot_names):
-        friction = surfaces.get(name.split("/")[-1])
+        friction = _friction(scene, name)
         if friction is None:
-            yield "error", f"slot '{name}' names no surface of the scene"
+            yield "error", f"slot '{name}' names no surface or object of the scene"
         elif np.any(sliding[:, slot] > friction * pressing[:, slot] * (1 + CONE) + CONE * max(size, 1e-12)):
             yield "error", f"a force of slot '{name}' leaves the friction cone of {friction:g}"
+
+
+def _friction(scene: dict, slot: str) -> float | None:
+    """Of the pair that a slot names, None where the scene does not know its second body."""
+    first, _, second = slot.rpartition("/")
+    things = {item["name"]: float(item["friction"]) for item in [*scene["surfaces"], *scene.get("objects", [])]}
+    first = next((name for name in things if name in (first, first.rpartition(".")[0])), first)
+    for pair in reversed(scene.get("frictions", [])):
+        if set(pair["names"]) == {first, second}:
+            return float(pair["friction"])
+    if second not in things:
+        return None
+    return min(things[second], things.get(first, things[second]))
 
 
 def _implausible(rollout: Rollout, solved: np.ndarray) -> Iterator[tuple[str, str]]:

@@ -1,69 +1,184 @@
-"""Contact slots: every pad against every surface, where they are closest at one configuration."""
+"""Contact slots: who may touch whom, and where they are closest at one configuration."""
+
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from icjax.geometry import Shape
 from icjax.model import Model, frames, jacobian_at
+from icjax.spatial import Pose, gamma
+from icjax.synthesis._object import Motion
 from icjax.synthesis._scene import Scene
 from icjax.typing import Float, Real
 
+FIXED = -1
+"""In place of an object's number: a surface."""
+
 
 class Contacts(eqx.Module):
-    """Geometry of all slots at one configuration; the slot of a pad and a surface never moves.
+    """Geometry of all slots at one configuration; the slot of a pair of places never moves.
 
     **Fields**
 
-    - `point`: contact point r_i, on the deformed pad: its centre minus radius times normal plus the pad's deformation
-      under the force that it carries, world, m. A loaded point lies on the surface, not behind it.
-    - `normal`: outward unit normal of the surface, towards the pad, world.
-    - `gap`: s_i0 between the undeformed pad and the surface, negative in penetration, m.
-    - `jacobian`: J_i of the contact point (Eq. 4).
-    - `rotation`: of the body that carries the pad, to world.
+    - `point`: contact point r_i. Of a pad on its deformed surface: its centre minus radius times normal plus the pad's
+      deformation under the force that it carries, world, m. A loaded point lies on the surface, not behind it.
+    - `normal`: outward unit normal of the second body, towards the first, world.
+    - `gap`: s_i0 between the undeformed bodies, negative in penetration, m.
+    - `jacobian`: J_i of the relative motion, first body minus second (Eq. 4): columns of the hand, then six of each
+      object (rotation, centre of mass; world axes).
+    - `rotation`: of the body that carries the pad, to world; the identity where there is no pad.
     """
 
     point: Float[Real, "slot 3"]
     normal: Float[Real, "slot 3"]
     gap: Float[Real, " slot"]
-    jacobian: Float[Real, "slot 3 nv"]
+    jacobian: Float[Real, "slot 3 coordinate"]
     rotation: Float[Real, "slot 3 3"]
 
 
+class Slots(NamedTuple):
+    """What of the slots does not move.
+
+    **Fields**: `names` as `first/second`; `pad` its number, -1 where there is none; `first` and `second` numbers of
+    objects, `FIXED` for the hand and for surfaces; `friction` and `compliance` (of the pad, m/N) of each slot.
+    """
+
+    names: tuple[str, ...]
+    pad: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+    friction: Float[Real, " slot"]
+    compliance: Float[Real, " slot"]
+
+
+def slots(model: Model, scene: Scene) -> Slots:
+    """Every pad with every surface and object; then every object's corners with every surface and other object.
+
+    **Errors**: `ValueError` for friction of a pair whose names are neither pads, surfaces nor objects.
+    """
+    known = {*model.pad_names, *(thing.name for thing in (*scene.surfaces, *scene.objects))}
+    for pair in scene.frictions:
+        for name in pair.names:
+            if name not in known:
+                raise ValueError(f"frictions name {name!r}, which is none of {', '.join(sorted(known))}")
+    things = [(FIXED, item) for item in scene.surfaces] + list(enumerate(scene.objects))
+    rows = []
+    for number, pad in enumerate(model.pad_names):
+        for second, thing in things:
+            mu = scene.friction_of(pad, thing.name)
+            rows.append((f"{pad}/{thing.name}", number, FIXED, second, thing.friction if mu is None else mu))
+    for first, item in enumerate(scene.objects):
+        for second, thing in things:
+            if second == first:
+                continue
+            mu = scene.friction_of(item.name, thing.name)
+            mu = jnp.minimum(item.friction, thing.friction) if mu is None else mu
+            count = _probe_count(item.shape)
+            names = (
+                [f"{item.name}/{thing.name}"]
+                if count == 1
+                else [f"{item.name}.{corner}/{thing.name}" for corner in range(1, count + 1)]
+            )
+            rows += [(name, -1, first, second, mu) for name in names]
+    pad = np.array([row[1] for row in rows], int)
+    pads = jnp.concatenate([jnp.asarray(model.pad_compliance), jnp.zeros(1)])  # the last one is no pad
+    return Slots(
+        names=tuple(row[0] for row in rows),
+        pad=pad,
+        first=np.array([row[2] for row in rows], int),
+        second=np.array([row[3] for row in rows], int),
+        friction=jnp.stack([jnp.asarray(row[4], pads.dtype) for row in rows]),
+        compliance=pads[pad],
+    )
+
+
 def slot_names(model: Model, scene: Scene) -> tuple[str, ...]:
-    """Names of the contact slots, `pad/surface`: the surfaces of the first pad, of the second, and so on."""
-    return tuple(f"{pad}/{surface.name}" for pad in model.pad_names for surface in scene.surfaces)
-
-
-def slot_pads(model: Model, scene: Scene) -> np.ndarray:
-    """Index of the pad of each slot."""
-    return np.repeat(np.arange(len(model.pad_names)), len(scene.surfaces))
-
-
-def slot_compliance(model: Model, scene: Scene) -> Float[Real, " slot"]:
-    """Compliance of the pad of each slot, m/N."""
-    return jnp.asarray(model.pad_compliance)[slot_pads(model, scene)]
+    """Names of the contact slots, `first/second`: pads on surfaces and objects, then corners of objects."""
+    return slots(model, scene).names
 
 
 def find_contacts(
-    model: Model, scene: Scene, q: Float[Real, " nq"], pad_force: Float[Real, "slot 3"] | None = None
+    model: Model,
+    scene: Scene,
+    q: Float[Real, " nq"],
+    pad_force: Float[Real, "slot 3"] | None = None,
+    motions: tuple[Motion, ...] = (),
 ) -> Contacts:
-    """Closest points of all pads and surfaces at configuration `q` (Section 7.1.3, last step).
+    """Closest points of all slots at one configuration (Section 7.1.3, last step).
 
-    **Arguments**: `q`; `pad_force` on each slot, N, in the frame of the body that carries the pad (none: unloaded).
+    **Arguments**: `q`; `pad_force` on each slot, N, in the frame of the body that carries the pad (none: unloaded);
+    `motions` of the objects.
     """
+    poses = [motion.pose() for motion in motions]
+    things = [_in_the_world(item.shape, None) for item in scene.surfaces]
+    things += [_in_the_world(item.shape, pose) for item, pose in zip(scene.objects, poses, strict=True)]
+    parts = [_of_pads(model, q, things)] if model.pad_names else []
+    for first, (item, pose) in enumerate(zip(scene.objects, poses, strict=True)):
+        others = [thing for number, thing in enumerate(things) if number != first + len(scene.surfaces)]
+        parts += [_of_corners(item.shape, pose, pose.apply(item.com), thing, q.dtype) for thing in others]
+    distance, normal, centre, radius, rotation = (jnp.concatenate(part) for part in zip(*parts, strict=True))
+    table = slots(model, scene)
+    point = centre - radius[:, None] * normal
+    if pad_force is not None:
+        point = point + table.compliance[:, None] * jnp.einsum("iab,ib->ia", rotation, pad_force)
+    centres = [pose.apply(item.com) for item, pose in zip(scene.objects, poses, strict=True)]
+    jacobian = _relative_jacobian(model, q, table, point, centres)
+    return Contacts(point=point, normal=normal, gap=distance - radius, jacobian=jacobian, rotation=rotation)
+
+
+class _Thing(NamedTuple):
+    distance: Any
+    normal: Any
+
+
+def _in_the_world(shape: Shape, pose: Pose | None) -> _Thing:
+    if pose is None:
+        return _Thing(shape.signed_distance, shape.normal)
+    return _Thing(
+        lambda p: shape.signed_distance(pose.inverse().apply(p)),
+        lambda p: pose.rotation @ shape.normal(pose.inverse().apply(p)),
+    )
+
+
+def _of_pads(model: Model, q: Real, things: list[_Thing]):
     at = frames(model, q)
     carriers = at.bodies(model, np.asarray(model.pad_bodies, int))
     centres = jax.vmap(lambda pose, centre: pose.apply(centre))(carriers, jnp.asarray(model.pad_centre))
-    pads = slot_pads(model, scene)
-    bodies = np.asarray(model.pad_bodies, int)[pads]
-    radius = jnp.asarray(model.pad_radius)[pads]
-    each = [surface.shape for surface in scene.surfaces]
-    distance = jnp.stack([jax.vmap(shape.signed_distance)(centres) for shape in each], axis=1).reshape(-1)
-    normal = jnp.stack([jax.vmap(shape.normal)(centres) for shape in each], axis=1).reshape(-1, 3)
-    rotation = carriers.rotation[pads]
-    point = centres[pads] - radius[:, None] * normal
-    if pad_force is not None:
-        point = point + slot_compliance(model, scene)[:, None] * jnp.einsum("iab,ib->ia", rotation, pad_force)
-    jacobian = jax.vmap(lambda body, p: jacobian_at(model, at, body, p))(jnp.asarray(bodies), point)
-    return Contacts(point=point, normal=normal, gap=distance - radius, jacobian=jacobian, rotation=rotation)
+    distance = jnp.stack([jax.vmap(thing.distance)(centres) for thing in things], axis=1).reshape(-1)
+    normal = jnp.stack([jax.vmap(thing.normal)(centres) for thing in things], axis=1).reshape(-1, 3)
+    pads = np.repeat(np.arange(len(model.pad_names)), len(things))
+    return distance, normal, centres[pads], jnp.asarray(model.pad_radius)[pads], carriers.rotation[pads]
+
+
+def _of_corners(shape: Shape, pose: Pose, middle: Real, thing: _Thing, dtype):
+    """The object's probes against another thing, chosen by the direction in which that one lies."""
+    direction = pose.rotation.T @ -thing.normal(middle)
+    centre, radius = shape.probes(direction)
+    centre = centre @ pose.rotation.T + pose.position[None]
+    distance, normal = jax.vmap(thing.distance)(centre), jax.vmap(thing.normal)(centre)
+    rotation = jnp.broadcast_to(jnp.eye(3, dtype=dtype), (centre.shape[0], 3, 3))
+    return distance, normal, centre, radius, rotation
+
+
+def _relative_jacobian(model: Model, q: Real, table: Slots, point: Real, centres: list[Real]):
+    of_pads = table.pad >= 0
+    blocks = []
+    if model.pad_names:
+        at = frames(model, q)
+        bodies = np.asarray(model.pad_bodies, int)[table.pad[of_pads]]
+        hand = jax.vmap(lambda body, p: jacobian_at(model, at, body, p))(jnp.asarray(bodies), point[of_pads])
+        rest = jnp.zeros((int(np.sum(~of_pads)), 3, model.nv), hand.dtype)
+        blocks.append(jnp.concatenate([hand, rest]))
+    else:
+        blocks.append(jnp.zeros((len(table.pad), 3, model.nv), point.dtype))
+    for number, centre in enumerate(centres):
+        sign = jnp.asarray((table.first == number).astype(int) - (table.second == number).astype(int), point.dtype)
+        blocks.append(sign[:, None, None] * jax.vmap(gamma)(point - centre[None]))
+    return jnp.concatenate(blocks, axis=2)
+
+
+def _probe_count(shape: Shape) -> int:
+    return jax.eval_shape(shape.probes, jax.ShapeDtypeStruct((3,), jnp.result_type(float))).radius.shape[0]

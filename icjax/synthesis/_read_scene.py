@@ -7,7 +7,8 @@ import numpy as np
 
 from icjax.files import FileError, Table, as_rotation, read_toml
 from icjax.geometry import Ellipsoid, Plane
-from icjax.synthesis._scene import Scene, Surface
+from icjax.synthesis._scene import Scene
+from icjax.synthesis._surface import Surface
 
 SHAPES = ("plane", "ellipsoid")
 

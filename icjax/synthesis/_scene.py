@@ -1,113 +1,92 @@
-"""The environment: named surfaces with friction, and how finely to step."""
+"""What is touched: named surfaces and objects with friction, and how finely to step."""
 
 import json
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jax.core import Tracer
 
-from icjax.geometry import Ellipsoid, Plane
-from icjax.typing import Float, Real
-
-MOST_FRICTION = 20.0
-"""Rubber on rubber reaches 2; far above that the cone degenerates and the complementarity problem with it."""
-
-FARTHEST = 1e3
-"""m; no surface of a laboratory lies farther from the origin or is larger."""
-
-SMALLEST = 1e-6
-"""m; a smaller radius is no surface that a fingertip feels."""
+from icjax.synthesis._object import Object
+from icjax.synthesis._surface import MOST_FRICTION, Surface, concrete, described
+from icjax.typing import Scalar, Vector3
 
 SHORTEST_STEP = 1e-6
 """s; a millisecond of contact would take a thousand steps."""
 
 
-class Surface(eqx.Module):
-    """A fixed surface.
+class PairFriction(eqx.Module):
+    """Friction of two things that meet: `names` of pads, surfaces or objects, in either order; `friction` mu."""
 
-    **Fields**: `name`; `shape` with `signed_distance`, `closest_point` and `normal`; `friction` its Coulomb
-    coefficient with the pads.
-
-    **Errors**: `ValueError` for a friction outside 0 to 20, radii below a micrometre, or a place or size that is not
-    finite or beyond a kilometre.
-    """
-
-    name: str = eqx.field(static=True)
-    shape: Plane | Ellipsoid
-    friction: Float[Real, ""] = eqx.field(converter=lambda value: jnp.asarray(value, float))
+    names: tuple[str, str] = eqx.field(static=True)
+    friction: Scalar = eqx.field(converter=lambda value: jnp.asarray(value, float))
 
     def __check_init__(self):
-        if not _concrete(self.friction):
-            return
-        if not 0 <= self.friction <= MOST_FRICTION:
-            raise ValueError(f"surface {self.name!r}: friction must be 0 to {MOST_FRICTION:g}; got {self.friction}")
-        numbers = {name: np.asarray(value, float) for name, value in vars(self.shape).items() if _concrete(value)}
-        for name, value in numbers.items():
-            if not (np.abs(value) <= FARTHEST).all():
-                raise ValueError(f"surface {self.name!r}: {name} must be within {FARTHEST:g} m; got {value.tolist()}")
-        if "radii" in numbers and not (numbers["radii"] >= SMALLEST).all():
-            radii = numbers["radii"].tolist()
-            raise ValueError(f"surface {self.name!r}: radii must be positive, at least {SMALLEST:g} m; got {radii}")
-        if "normal_direction" in numbers and not np.any(numbers["normal_direction"]):
-            raise ValueError(f"surface {self.name!r}: normal must not be zero")
+        if concrete(self.friction) and not 0 <= self.friction <= MOST_FRICTION:
+            both = " and ".join(map(repr, self.names))
+            raise ValueError(f"friction of {both} must be 0 to {MOST_FRICTION:g}; got {self.friction}")
 
 
 class Scene(eqx.Module):
-    """Surfaces that the pads of a model may touch, every pad every surface.
+    """Surfaces and free objects; the pads of a model may touch all of them, objects the surfaces and each other.
 
     A bump on a plate is two surfaces, a plane and an ellipsoid.
 
-    **Fields**: `name`; `surfaces`; `facets` the number m of tangent pairs of the friction cone (2m facets);
-    `step` the time step h, s.
+    **Fields**
 
-    **Errors**: `ValueError` for no surface, two of one name, fewer than two facets, or a step below a microsecond.
+    - `name`; `surfaces`; `objects`, by default none.
+    - `facets`: the number m of tangent pairs of the friction cone (2m facets).
+    - `step`: the time step h, s.
+    - `gravity`: on objects, m/s2; the quasi-static hand has no weight.
+    - `frictions`: of pairs ([`PairFriction`]) that differ from the rule: a pad has the friction of what it touches, of
+      two other things the smaller one counts.
+
+    **Errors**: `ValueError` for nothing to touch, two things of one name, friction of a pair that is not there,
+    fewer than two facets, or a step below a microsecond.
     """
 
     name: str = eqx.field(static=True)
     surfaces: tuple[Surface, ...]
     facets: int = eqx.field(static=True, default=4)
     step: float = eqx.field(static=True, default=0.002)
+    objects: tuple[Object, ...] = ()
+    gravity: Vector3 = eqx.field(
+        default_factory=lambda: np.array([0.0, 0.0, -9.81]), converter=lambda value: jnp.asarray(value, float)
+    )
+    frictions: tuple[PairFriction, ...] = ()
 
     def __check_init__(self):
-        names = [surface.name for surface in self.surfaces]
+        names = [thing.name for thing in (*self.surfaces, *self.objects)]
         if not names:
-            raise ValueError("surfaces is empty; a scene needs at least one")
+            raise ValueError("surfaces is empty; a scene needs at least one, or an object")
         if len(set(names)) != len(names):
-            raise ValueError(f"surfaces have one name twice: {', '.join(names)}")
+            raise ValueError(f"surfaces or objects have one name twice: {', '.join(names)}")
         if self.facets < 2:
             raise ValueError(f"facets must be at least 2 (pairs of tangents); got {self.facets}")
         if not (self.step >= SHORTEST_STEP and np.isfinite(self.step)):
             raise ValueError(f"step must be a positive time of at least {SHORTEST_STEP:g} s; got {self.step}")
+        if concrete(self.gravity) and not np.isfinite(self.gravity).all():
+            raise ValueError(f"gravity must be finite; got {np.asarray(self.gravity).tolist()}")
+
+    def friction_of(self, first: str, second: str) -> Scalar | None:
+        """What `frictions` states for a pair, None if nothing."""
+        stated = [pair.friction for pair in self.frictions if set(pair.names) == {first, second}]
+        return stated[-1] if stated else None
 
     def describe(self) -> str:
         """JSON text with every number of the scene, as kept in a rollout."""
-        return json.dumps(
-            {
-                "name": self.name,
-                "step": self.step,
-                "facets": self.facets,
-                "surfaces": [
-                    {"name": item.name, "friction": float(item.friction), **_numbers(item.shape)}
-                    for item in self.surfaces
-                ],
-            }
-        )
-
-
-def _concrete(value) -> bool:
-    return not isinstance(value, Tracer)
-
-
-def _numbers(shape: Plane | Ellipsoid) -> dict:
-    def listed(array):
-        return np.asarray(array, float).tolist()
-
-    if isinstance(shape, Plane):
-        return {"shape": "plane", "point": listed(shape.point), "normal": listed(shape.normal(shape.point))}
-    return {
-        "shape": "ellipsoid",
-        "centre": listed(shape.centre),
-        "rotation": listed(shape.rotation),
-        "radii": listed(shape.radii),
-    }
+        content = {
+            "name": self.name,
+            "step": self.step,
+            "facets": self.facets,
+            "surfaces": [
+                {"name": item.name, "friction": float(item.friction), **described(item.shape)} for item in self.surfaces
+            ],
+        }
+        if self.objects:
+            content["gravity"] = np.asarray(self.gravity).tolist()
+            content["objects"] = [item.describe() for item in self.objects]
+        if self.frictions:
+            content["frictions"] = [
+                {"names": list(pair.names), "friction": float(pair.friction)} for pair in self.frictions
+            ]
+        return json.dumps(content)

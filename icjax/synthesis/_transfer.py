@@ -46,10 +46,10 @@ def resample(
 
 
 def transfer(interaction: Interaction, scene: Scene, progress: Callable[[float], Any] | None = None) -> Rollout:
-    """Re-enact an interaction on the surfaces of a scene (Section 7, one hand, fixed environment).
+    """Re-enact an interaction on the surfaces and objects of a scene (Section 7, one hand).
 
-    **Arguments**: `interaction` compliance and reference trajectory with their model; `scene` surfaces, friction,
-    facets and time step; `progress` called with the fraction done.
+    **Arguments**: `interaction` compliance and reference trajectory with their model; `scene` surfaces, objects,
+    friction, facets and time step; `progress` called with the fraction done.
 
     **Returns**: a `Rollout` with a row every `scene.step` from the first time of the interaction to its last. Steps
     that were not solved are marked in `Rollout.status`.
@@ -67,12 +67,15 @@ def transfer(interaction: Interaction, scene: Scene, progress: Callable[[float],
     targets = resample(*jax.tree.map(jnp.asarray, (model, interaction.time, samples, time)))
     _, info = rollout(model, scene, targets, progress=progress)
     found = {name: np.asarray(value) for name, value in vars(info).items()}
+    if not scene.objects:
+        found = {name: value for name, value in found.items() if not name.startswith("object_")}
     return Rollout(
         name=interaction.name,
         model=model,
         scene=scene.describe(),
         time=time,
         slot_names=slot_names(model, scene),
+        object_names=tuple(item.name for item in scene.objects),
         **found,
     )
 

@@ -80,14 +80,17 @@ def test_numbers_of_the_model():
 
 def test_the_jacobian_is_the_derivative_of_the_point():
     """Eq. 4 against the derivative along integrate, where q is neutral and where it is not."""
+
+    def point(dq, q):
+        return forward_kinematics(MODEL, integrate(MODEL, q, dq))[TIP].apply(jnp.asarray([0.1, 0.2, 0.3]))
+
+    @jax.jit
+    def both(q):
+        rest = jnp.zeros(MODEL.nv)
+        return point_jacobian(MODEL, q, TIP, point(rest, q)), jax.jacfwd(point)(rest, q)
+
     for q in (Q, np.asarray(neutral(MODEL))):
-        point_B = jnp.asarray([0.1, 0.2, 0.3])
-
-        def point(dq, q=q, point_B=point_B):
-            return forward_kinematics(MODEL, integrate(MODEL, q, dq))[TIP].apply(point_B)
-
-        derivative = jax.jit(jax.jacfwd(point))(jnp.zeros(MODEL.nv))
-        J = point_jacobian(MODEL, q, TIP, point(jnp.zeros(MODEL.nv)))
+        J, derivative = both(q)
         np.testing.assert_allclose(J, derivative, rtol=0, atol=ROUNDING)
 
 
@@ -101,8 +104,9 @@ def test_difference_inverts_integrate_and_both_have_derivatives_at_zero():
 
 def test_mass_matrix_and_inverse_dynamics_agree():
     """M is the derivative of the inverse dynamics with respect to acceleration, and symmetric positive definite."""
-    M = mass_matrix(MODEL, Q)
-    np.testing.assert_allclose(jax.jacfwd(lambda a: inverse_dynamics(MODEL, Q, V, a))(A), M, rtol=0, atol=1e-12)
+    M = jax.jit(lambda: mass_matrix(MODEL, Q))()
+    slope = jax.jit(jax.jacfwd(lambda a: inverse_dynamics(MODEL, Q, V, a)))(A)
+    np.testing.assert_allclose(slope, M, rtol=0, atol=1e-12)
     np.testing.assert_array_equal(M, M.T)
     assert np.linalg.eigvalsh(M).min() > 0
     rest = np.zeros(MODEL.nv)
@@ -119,15 +123,17 @@ def test_compiled_is_eager_and_batched_is_a_loop():
 def test_single_precision_stays_single():
     model = jax.tree.map(lambda leaf: np.asarray(leaf, np.float32), index_finger())
     q = np.asarray(neutral(model))
-    for value in (
-        world_jacobian(model, q),
-        pad_positions(model, q),
-        mass_matrix(model, q),
-        gravity_torque(model, q),
-        difference(model, q, q),
-        point_jacobian(model, q, 2, np.zeros(3, np.float32)),
-    ):
-        assert value.dtype == np.float32
+    everything = jax.jit(
+        lambda: (
+            world_jacobian(model, q),
+            pad_positions(model, q),
+            mass_matrix(model, q),
+            gravity_torque(model, q),
+            difference(model, q, q),
+            point_jacobian(model, q, 2, np.zeros(3, np.float32)),
+        )
+    )
+    assert all(value.dtype == np.float32 for value in everything())
 
 
 def test_a_model_without_joints_stands_still():

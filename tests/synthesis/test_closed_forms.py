@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hands import ENDPOINT, PAD, RADIUS, compliance_of, constant_targets, floor, pressing_finger, simulate, sprung_tip
 
-from icjax.synthesis import QuasiStaticHand, Target, init, step
+from icjax.synthesis import QuasiStaticHand, Target
 
 EXACT = 1e-12  # rounding of a few dozen operations on numbers of order one
 
@@ -146,9 +146,8 @@ def test_the_massless_limit_of_the_dynamic_hand():
 
 def test_penetration_at_the_start_is_pushed_out():
     model = sprung_tip()
-    target = Target(reference=jnp.array([0.0, 0.0, 0.0]), compliance=jnp.asarray(compliance_of(model)))
-    state, info = step(model, floor(0.5), init(model, floor(0.5), jnp.zeros(3)), target)
-    np.testing.assert_allclose(info.contact_force[0, 2], RADIUS / (ENDPOINT + PAD), atol=EXACT)
+    state, info = simulate(model, floor(0.5), targets_of(model, [[0.0, 0.0, 0.0]]))
+    np.testing.assert_allclose(info.contact_force[0, 0, 2], RADIUS / (ENDPOINT + PAD), atol=EXACT)
     np.testing.assert_allclose(state.q[2], ENDPOINT * RADIUS / (ENDPOINT + PAD), atol=EXACT)
 
 

@@ -49,11 +49,11 @@ def test_step_equals_equation_10(friction):
     model, rows, height = pressing_finger(25, stroke=0.01)
     scene = floor(friction, height=height)
     targets = constant_targets(model, rows)
-    state = init(model, scene, targets.reference[0])
+    state = INIT(model, scene, targets.reference[0])
     loaded = 0
     for k in range(1, 25):
         q = np.asarray(state.q)
-        rotation = np.asarray(forward_kinematics(model, state.q).rotation[model.pad_bodies[0]])
+        rotation = np.asarray(POSES(model, state.q).rotation[model.pad_bodies[0]])
         before = rotation @ np.asarray(state.pad_force[0])
         force, expected = equation_10_step(
             model,
@@ -78,7 +78,7 @@ def test_changing_compliance_lets_the_joint_yield():
     model, rows, height = pressing_finger(25)
     scene = floor(1.5, height=height)
     targets = constant_targets(model, rows)
-    state = init(model, scene, targets.reference[0])
+    state = INIT(model, scene, targets.reference[0])
     for k in range(25):
         target = Target(reference=targets.reference[k], compliance=targets.compliance[k])
         state, info = STEP(model, scene, state, target)
@@ -89,4 +89,5 @@ def test_changing_compliance_lets_the_joint_yield():
     np.testing.assert_allclose(after.q, expected, atol=EXACT)
 
 
-STEP = eqx.filter_jit(step)
+STEP, INIT = eqx.filter_jit(step), eqx.filter_jit(init)
+POSES = eqx.filter_jit(forward_kinematics)

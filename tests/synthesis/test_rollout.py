@@ -22,7 +22,7 @@ def test_a_rollout_traces_once(monkeypatch):
     model, rows, height = pressing_finger(37)
     traces = []
     real = stepper.find_contacts
-    monkeypatch.setattr(stepper, "find_contacts", lambda *args: traces.append(None) or real(*args))
+    monkeypatch.setattr(stepper, "find_contacts", lambda *args, **more: traces.append(None) or real(*args, **more))
     targets = constant_targets(model, rows)
     chunked = {"chunk": 10, "progress": lambda fraction: None}
     scene = floor(0.123, facets=3, height=height)

@@ -1,0 +1,186 @@
+"""Free rigid objects: what they are, and how they move over a step."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from icjax.geometry import Shape
+from icjax.spatial import (
+    Pose,
+    left_jacobian_inverse,
+    quaternion_exp,
+    quaternion_multiply,
+    quaternion_to_rotation,
+    rotation_to_quaternion,
+    skew,
+)
+from icjax.synthesis._bodies import Admittance
+from icjax.synthesis._surface import check_solid, concrete, described
+from icjax.typing import Float, Matrix3, Real, Scalar, Vector3
+
+_ITERATIONS = 5  # of Newton's method for the spin; each leaves (h omega)^2 / 6 of its error
+
+
+class Object(eqx.Module):
+    """A free rigid body.
+
+    **Arguments**
+
+    - `name`; `shape` in the frame of the body; `friction` Coulomb's coefficient with the pads.
+    - `mass` kg, or `density` kg/m3: one of them.
+    - `com` centre of mass, m, and `inertia` about it, kg m2, both in the frame of the body; by default those of the
+      shape, filled evenly.
+    - `pose` of its frame in the world at the start, `velocity` of its centre of mass (m/s) and `angular_velocity`
+      (rad/s) then, world axes; default at rest at the origin.
+
+    **Errors**: `ValueError` for a mass that is not positive, an inertia that no body has, an impossible shape or
+    friction, numbers that are not finite.
+    """
+
+    name: str = eqx.field(static=True)
+    shape: Shape
+    friction: Scalar
+    mass: Scalar
+    com: Vector3
+    inertia: Matrix3
+    pose: Pose
+    velocity: Vector3
+    angular_velocity: Vector3
+
+    def __init__(
+        self,
+        name: str,
+        shape: Shape,
+        friction: Any,
+        *,
+        mass: Any = None,
+        density: Any = None,
+        com: Any = None,
+        inertia: Any = None,
+        pose: Pose | None = None,
+        velocity: Any = (0.0, 0.0, 0.0),
+        angular_velocity: Any = (0.0, 0.0, 0.0),
+    ):
+        if (mass is None) == (density is None):
+            raise ValueError(f"object {name!r}: give its mass (kg) or its density (kg/m3)")
+        even = shape.mass_properties()
+        if mass is None:
+            mass = density * even.volume
+        self.name, self.shape = name, shape
+        self.friction, self.mass = jnp.asarray(friction, float), jnp.asarray(mass, float)
+        self.com = jnp.asarray(even.com if com is None else com, float)
+        self.inertia = jnp.asarray(self.mass / even.volume * even.inertia if inertia is None else inertia, float)
+        self.pose = Pose.identity() if pose is None else jax.tree.map(lambda x: jnp.asarray(x, float), pose)
+        self.velocity, self.angular_velocity = jnp.asarray(velocity, float), jnp.asarray(angular_velocity, float)
+
+    def __check_init__(self):
+        what = f"object {self.name!r}"
+        check_solid(what, self.shape, self.friction)
+        for name in ("mass", "com", "inertia", "velocity", "angular_velocity"):
+            value = getattr(self, name)
+            if concrete(value) and not np.isfinite(value).all():
+                raise ValueError(f"{what}: {name} must be finite; got {np.asarray(value).tolist()}")
+        if concrete(self.mass) and not self.mass > 0:
+            raise ValueError(f"{what}: mass must be positive; got {self.mass} kg")
+        if concrete(self.inertia):
+            _check_inertia(what, np.asarray(self.inertia))
+        if concrete(self.pose.position) and not np.isfinite(self.pose.position).all():
+            raise ValueError(f"{what}: its position must be finite; got {np.asarray(self.pose.position).tolist()}")
+        if concrete(self.pose.rotation) and not _is_rotation(np.asarray(self.pose.rotation)):
+            raise ValueError(f"{what}: its rotation is no rotation matrix: {np.asarray(self.pose.rotation).tolist()}")
+
+    def describe(self) -> dict[str, Any]:
+        """Its numbers, for JSON."""
+        listed = {name: np.asarray(getattr(self, name)).tolist() for name in ("friction", "mass", "com", "inertia")}
+        return {"name": self.name, **listed, **described(self.shape)}
+
+
+class Motion(NamedTuple):
+    """How an object moves: pose of its frame, velocity of its centre of mass, angular momentum about it; world."""
+
+    position: Float[Real, "*object 3"]
+    quaternion: Float[Real, "*object 4"]
+    velocity: Float[Real, "*object 3"]
+    angular_momentum: Float[Real, "*object 3"]
+
+    def pose(self) -> Pose:
+        """Of one object."""
+        return Pose(quaternion_to_rotation(self.quaternion), self.position)
+
+
+def at_start(item: Object) -> Motion:
+    """As the object states it."""
+    R = item.pose.rotation
+    momentum = R @ (item.inertia @ (R.T @ item.angular_velocity))
+    return Motion(item.pose.position, rotation_to_quaternion(R), item.velocity, momentum)
+
+
+def rigid_admittance(item: Object, motion: Motion, gravity: Vector3, wrench: Float[Real, "6"], h: float) -> Admittance:
+    r"""Rigid body over one step: rotation vector and displacement of the centre of mass, world axes.
+
+    Position: $h (v + h (g + f / m))$. Rotation: $h\,\omega$ with the $\omega$ that carries the angular momentum
+    $L + h \tau$ through a rotation by $h\,\omega$ (Moser and Veselov's discrete rigid body), so that momentum is kept
+    exactly and energy does not drift. Admittance: $h^2 I^{-1}$ and $h^2 / m$. To first order in h this is the paper's
+    Euler step of Eq. 3 in body coordinates.
+
+    **Arguments**: `wrench` (torque about the centre of mass, force), without gravity, Nm and N; `h` s.
+
+    **Source**: Kry and Pai (2006), Section 7.1.2; Moser and Veselov (1991), Commun. Math. Phys. 139, 217.
+    """
+    R = quaternion_to_rotation(motion.quaternion)
+    inverse = inverse_of(item.inertia)
+    momentum = R.T @ (motion.angular_momentum + h * wrench[:3])
+    spin = R @ _spin(item.inertia, inverse, momentum, h)
+    velocity = motion.velocity + h * (gravity + wrench[3:] / item.mass)
+    zero = jnp.zeros((3, 3), spin.dtype)
+    eye = jnp.eye(3, dtype=spin.dtype)
+    matrix = jnp.block([[R @ inverse @ R.T, zero], [zero, eye / item.mass]])
+    return Admittance(free=h * jnp.concatenate([spin, velocity]), matrix=h * h * matrix)
+
+
+def advanced(item: Object, motion: Motion, moved: Float[Real, "6"], wrench: Float[Real, "6"], h: float) -> Motion:
+    """After the displacement `moved`, under the wrench of contacts and all else but gravity."""
+    R = quaternion_to_rotation(motion.quaternion)
+    centre = motion.position + R @ item.com + moved[3:]
+    quaternion = quaternion_multiply(quaternion_exp(moved[:3]), motion.quaternion)
+    quaternion = quaternion / jnp.sqrt(jnp.sum(quaternion**2))
+    position = centre - quaternion_to_rotation(quaternion) @ item.com
+    return Motion(position, quaternion, moved[3:] / h, motion.angular_momentum + h * wrench[:3])
+
+
+def _spin(inertia: Matrix3, inverse: Matrix3, momentum: Vector3, h: float) -> Vector3:
+    """omega of ``J(h omega)^-T I omega = momentum``, body axes, J the left Jacobian of the exponential map.
+
+    By Newton's method with the derivative of J's first two terms.
+    """
+    omega = inverse @ momentum
+    for _ in range(_ITERATIONS):
+        carried = inertia @ omega
+        slope = inertia + 0.5 * h * (skew(omega) @ inertia - skew(carried))
+        omega = omega + inverse_of(slope) @ (momentum - left_jacobian_inverse(h * omega).T @ carried)
+    return omega
+
+
+def inverse_of(matrix: Matrix3) -> Matrix3:
+    """Of an invertible 3 x 3 matrix, by cross products: a library's factorisation costs more than the step."""
+    a, b, c = matrix[:, 0], matrix[:, 1], matrix[:, 2]
+    rows = jnp.stack([jnp.cross(b, c), jnp.cross(c, a), jnp.cross(a, b)])
+    return rows / jnp.dot(a, jnp.cross(b, c))
+
+
+def _check_inertia(what: str, inertia: np.ndarray) -> None:
+    if not np.allclose(inertia, inertia.T, rtol=0, atol=1e-9 * np.abs(inertia).max()):
+        raise ValueError(f"{what}: inertia must be symmetric; got {inertia.tolist()}")
+    moments = np.linalg.eigvalsh(inertia)
+    if not (moments[0] > 0 and moments[0] + moments[1] >= (1 - 1e-9) * moments[2]):
+        raise ValueError(
+            f"{what}: no body has the principal moments {', '.join(f'{x:.3g}' for x in moments)} kg m2: each must be "
+            "positive and no more than the sum of the others"
+        )
+
+
+def _is_rotation(matrix: np.ndarray) -> bool:
+    return bool(np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-6) and np.linalg.det(matrix) > 0)

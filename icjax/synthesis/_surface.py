@@ -1,0 +1,83 @@
+"""Fixed surfaces, and what every solid thing of a scene must satisfy."""
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+
+from icjax.geometry import Placed, Plane, Shape
+from icjax.typing import Float, Real
+
+MOST_FRICTION = 20.0
+"""Rubber on rubber reaches 2; far above that the cone degenerates and the complementarity problem with it."""
+
+FARTHEST = 1e3
+"""m; no surface of a laboratory lies farther from the origin or is larger."""
+
+SMALLEST = 1e-6
+"""m; a smaller radius is no surface that a fingertip feels."""
+
+_SIZES = ("radii", "half_sizes", "radius", "half_length")
+
+
+class Surface(eqx.Module):
+    """A fixed surface.
+
+    **Fields**: `name`; `shape` in the world; `friction` its Coulomb coefficient with the pads.
+
+    **Errors**: `ValueError` for a friction outside 0 to 20, sizes below a micrometre, or a place or size that is not
+    finite or beyond a kilometre.
+    """
+
+    name: str = eqx.field(static=True)
+    shape: Shape
+    friction: Float[Real, ""] = eqx.field(converter=lambda value: jnp.asarray(value, float))
+
+    def __check_init__(self):
+        check_solid(f"surface {self.name!r}", self.shape, self.friction)
+
+
+def concrete(value: Any) -> bool:
+    """Whether the numbers are known, not traced."""
+    return not isinstance(value, Tracer)
+
+
+def check_solid(what: str, shape: Shape, friction: Real) -> None:
+    """**Errors**: `ValueError` beginning with `what` for an impossible shape or friction."""
+    if concrete(friction) and not 0 <= friction <= MOST_FRICTION:
+        raise ValueError(f"{what}: friction must be 0 to {MOST_FRICTION:g}; got {friction}")
+    if isinstance(shape, Placed):
+        _check_numbers(what, {"position": shape.pose.position, "rotation": shape.pose.rotation})
+        return check_solid(what, shape.shape, friction)
+    return _check_numbers(what, {field.name: getattr(shape, field.name) for field in dataclasses.fields(shape)})
+
+
+def _check_numbers(what: str, fields: dict[str, Any]) -> None:
+    for name, value in fields.items():
+        if not concrete(value):
+            continue
+        value = np.asarray(value, float)
+        if not (np.abs(value) <= FARTHEST).all():
+            raise ValueError(f"{what}: {name} must be within {FARTHEST:g} m; got {value.tolist()}")
+        if name in _SIZES and not (value >= SMALLEST).all():
+            raise ValueError(f"{what}: {name} must be positive, at least {SMALLEST:g} m; got {value.tolist()}")
+        if name == "normal_direction" and not np.any(value):
+            raise ValueError(f"{what}: normal must not be zero")
+
+
+def described(shape: Shape) -> dict[str, Any]:
+    """The shape in words and numbers, for JSON."""
+    if isinstance(shape, Placed):
+        place = {"position": _listed(shape.pose.position), "rotation": _listed(shape.pose.rotation)}
+        return {**described(shape.shape), **place}
+    if isinstance(shape, Plane):
+        return {"shape": "plane", "point": _listed(shape.point), "normal": _listed(shape.normal(shape.point))}
+    numbers = {field.name: _listed(getattr(shape, field.name)) for field in dataclasses.fields(shape)}
+    return {"shape": type(shape).__name__.lower(), **numbers}
+
+
+def _listed(array: Any) -> Any:
+    return np.asarray(array, float).tolist()
