@@ -18,7 +18,7 @@ from icjax.spatial import (
     skew,
 )
 from icjax.synthesis._bodies import Admittance
-from icjax.synthesis._surface import check_solid, concrete, described
+from icjax.synthesis._surface import check_solid, described, known
 from icjax.typing import Float, Matrix3, Real, Scalar, Vector3
 
 _ITERATIONS = 5  # of Newton's method for the spin; each leaves (h omega)^2 / 6 of its error
@@ -80,17 +80,19 @@ class Object(eqx.Module):
         what = f"object {self.name!r}"
         check_solid(what, self.shape, self.friction)
         for name in ("mass", "com", "inertia", "velocity", "angular_velocity"):
-            value = getattr(self, name)
-            if concrete(value) and not np.isfinite(value).all():
-                raise ValueError(f"{what}: {name} must be finite; got {np.asarray(value).tolist()}")
-        if concrete(self.mass) and not self.mass > 0:
-            raise ValueError(f"{what}: mass must be positive; got {self.mass} kg")
-        if concrete(self.inertia):
-            _check_inertia(what, np.asarray(self.inertia))
-        if concrete(self.pose.position) and not np.isfinite(self.pose.position).all():
-            raise ValueError(f"{what}: its position must be finite; got {np.asarray(self.pose.position).tolist()}")
-        if concrete(self.pose.rotation) and not _is_rotation(np.asarray(self.pose.rotation)):
-            raise ValueError(f"{what}: its rotation is no rotation matrix: {np.asarray(self.pose.rotation).tolist()}")
+            value = known(getattr(self, name))
+            if value is not None and not np.isfinite(value).all():
+                raise ValueError(f"{what}: {name} must be finite; got {value.tolist()}")
+        mass, inertia = known(self.mass), known(self.inertia)
+        if mass is not None and not mass > 0:
+            raise ValueError(f"{what}: mass must be positive; got {mass} kg")
+        if inertia is not None:
+            _check_inertia(what, inertia)
+        position, rotation = known(self.pose.position), known(self.pose.rotation)
+        if position is not None and not np.isfinite(position).all():
+            raise ValueError(f"{what}: its position must be finite; got {position.tolist()}")
+        if rotation is not None and not _is_rotation(rotation):
+            raise ValueError(f"{what}: its rotation is no rotation matrix: {rotation.tolist()}")
 
     def describe(self) -> dict[str, Any]:
         """Its numbers, for JSON."""

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from icjax.synthesis._object import Object
-from icjax.synthesis._surface import MOST_FRICTION, Surface, concrete, described
+from icjax.synthesis._surface import Surface, check_friction, described, known
 from icjax.typing import Scalar, Vector3
 
 SHORTEST_STEP = 1e-6
@@ -21,9 +21,7 @@ class PairFriction(eqx.Module):
     friction: Scalar = eqx.field(converter=lambda value: jnp.asarray(value, float))
 
     def __check_init__(self):
-        if concrete(self.friction) and not 0 <= self.friction <= MOST_FRICTION:
-            both = " and ".join(map(repr, self.names))
-            raise ValueError(f"friction of {both} must be 0 to {MOST_FRICTION:g}; got {self.friction}")
+        check_friction(f"friction of {' and '.join(map(repr, self.names))}", self.friction)
 
 
 class Scene(eqx.Module):
@@ -64,8 +62,9 @@ class Scene(eqx.Module):
             raise ValueError(f"facets must be at least 2 (pairs of tangents); got {self.facets}")
         if not (self.step >= SHORTEST_STEP and np.isfinite(self.step)):
             raise ValueError(f"step must be a positive time of at least {SHORTEST_STEP:g} s; got {self.step}")
-        if concrete(self.gravity) and not np.isfinite(self.gravity).all():
-            raise ValueError(f"gravity must be finite; got {np.asarray(self.gravity).tolist()}")
+        gravity = known(self.gravity)
+        if gravity is not None and not np.isfinite(gravity).all():
+            raise ValueError(f"gravity must be finite; got {gravity.tolist()}")
 
     def friction_of(self, first: str, second: str) -> Scalar | None:
         """What `frictions` states for a pair, None if nothing."""

@@ -40,26 +40,32 @@ class Surface(eqx.Module):
         check_solid(f"surface {self.name!r}", self.shape, self.friction)
 
 
-def concrete(value: Any) -> bool:
-    """Whether the numbers are known, not traced."""
-    return not isinstance(value, Tracer)
+def known(value: Any) -> np.ndarray | None:
+    """The numbers, None where they are traced. In NumPy, because JAX traces what is done with known numbers too."""
+    return None if isinstance(value, Tracer) else np.asarray(value, float)
 
 
 def check_solid(what: str, shape: Shape, friction: Real) -> None:
     """**Errors**: `ValueError` beginning with `what` for an impossible shape or friction."""
-    if concrete(friction) and not 0 <= friction <= MOST_FRICTION:
-        raise ValueError(f"{what}: friction must be 0 to {MOST_FRICTION:g}; got {friction}")
+    check_friction(f"{what}: friction", friction)
     if isinstance(shape, Placed):
         _check_numbers(what, {"position": shape.pose.position, "rotation": shape.pose.rotation})
         return check_solid(what, shape.shape, friction)
     return _check_numbers(what, {field.name: getattr(shape, field.name) for field in dataclasses.fields(shape)})
 
 
+def check_friction(what: str, friction: Real) -> None:
+    """**Errors**: `ValueError` for a coefficient that is known and impossible."""
+    value = known(friction)
+    if value is not None and not 0 <= value <= MOST_FRICTION:
+        raise ValueError(f"{what} must be 0 to {MOST_FRICTION:g}; got {value}")
+
+
 def _check_numbers(what: str, fields: dict[str, Any]) -> None:
     for name, value in fields.items():
-        if not concrete(value):
+        value = known(value)
+        if value is None:
             continue
-        value = np.asarray(value, float)
         if not (np.abs(value) <= FARTHEST).all():
             raise ValueError(f"{what}: {name} must be within {FARTHEST:g} m; got {value.tolist()}")
         if name in _SIZES and not (value >= SMALLEST).all():
