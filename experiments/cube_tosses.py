@@ -1,9 +1,9 @@
-"""Four hundred real tosses of a cube (ContactNets) from their recorded release: where and on which face it comes to rest.
+"""Four hundred real tosses of a cube (ContactNets) from their recorded release: where, and on which face, it rests.
 
     uv run python experiments/cube_tosses.py [--tosses 400] [--seconds 3]
 
-The cube of Pfrommer, Halm and Posa (2020) with their mass, inertia and friction, simulated by icjax and, in the same run,
-by MuJoCo with its default contact, both at 2 ms and without any number fitted here. A toss is chaotic: what can be
+The cube of Pfrommer, Halm and Posa (2020) with their mass, inertia and friction, simulated by icjax and, in the same
+run, by MuJoCo with its default contact, both at 2 ms and without any number fitted here. A toss is chaotic: what can be
 compared is how often the face is right and how far from the recorded place the cube lies. "Released where it rests"
 says how far a guess without simulation is off. Written to experiments/results/cube_tosses.json.
 """
@@ -15,9 +15,6 @@ import time
 from pathlib import Path
 
 import jax
-
-jax.config.update("jax_enable_x64", True)
-
 import jax.numpy as jnp
 import mujoco
 import numpy as np
@@ -48,7 +45,7 @@ def recorded(count: int) -> tuple[np.ndarray, dict]:
 
 
 def ours(release: np.ndarray, numbers: dict, seconds: float) -> np.ndarray:
-    """Last pose of each toss, `[toss, 7]`, and whether every step was solved."""
+    """Last pose of each toss, `[toss, 7]`."""
     nobody = load_model('<mujoco model="nobody"/>')
     inertia = numbers["inertia"] * HALF_WIDTH**2 * np.eye(3)
     table = Surface("table", Plane(np.zeros(3), UP), numbers["mu"])
@@ -80,7 +77,7 @@ def ours(release: np.ndarray, numbers: dict, seconds: float) -> np.ndarray:
 
 
 def mujocos(release: np.ndarray, numbers: dict, seconds: float) -> np.ndarray:
-    """The same by MuJoCo: default solver, default contact, elliptic or pyramidal cone as it comes."""
+    """The same by MuJoCo: its default solver, contact and cone."""
     moment = numbers["inertia"] * HALF_WIDTH**2
     model = mujoco.MjModel.from_xml_string(f"""
         <mujoco><option timestep="{STEP}" gravity="0 0 {-GRAVITY}"/><worldbody>
@@ -122,6 +119,7 @@ def main() -> None:
     parser.add_argument("--tosses", type=int, default=400)
     parser.add_argument("--seconds", type=float, default=3.0)
     arguments = parser.parse_args()
+    jax.config.update("jax_enable_x64", True)
     both, numbers = recorded(arguments.tosses)
     release, rest = both[:, :13], both[:, 13:]
     result: dict = {"tosses": arguments.tosses, "step": STEP, "seconds": arguments.seconds}

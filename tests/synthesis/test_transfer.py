@@ -9,10 +9,13 @@ import pytest
 from hands import ENDPOINT, PAD, RADIUS, floor, sprung_tip
 from scipy.spatial.transform import Rotation, Slerp
 
+from icjax.files import layout_problems
+from icjax.geometry import Box, Plane
 from icjax.interaction import CompliancePerEvent, Interaction, JointCompliance
 from icjax.model import index_finger
 from icjax.rollout import Rollout
-from icjax.synthesis import Target, resample, transfer
+from icjax.spatial import Pose
+from icjax.synthesis import Object, PairFriction, Scene, Surface, Target, check_rollout, resample, transfer
 
 
 def tapping() -> Interaction:
@@ -78,6 +81,37 @@ def test_transfer_to_a_plate_and_back_from_its_file(tmp_path):
     again = Rollout.load(tmp_path / "rollout.nc")
     np.testing.assert_array_equal(again.contact_force, rollout.contact_force)
     assert again.slot_names == rollout.slot_names
+    assert again.object_names == ()
+    assert again.object_position is None
+
+
+def test_transfer_to_an_object_and_back_from_its_file(tmp_path):
+    """A box on a table gives the finger what the plate gave; the table carries the finger's force and the weight."""
+    interaction = tapping()
+    table = Surface("table", Plane(np.array([0.0, 0.0, -0.02]), np.array([0.0, 0.0, 1.0])), 0.5)
+    pose = Pose(np.eye(3), np.array([0.005, 0.0, -0.01]))
+    box = Object("box", Box(np.array([0.03, 0.03, 0.01])), 0.5, mass=0.1, pose=pose)
+    rollout = transfer(interaction, Scene("on a box", (table,), objects=(box,), frictions=(FELT,)))
+    assert rollout.slot_names == ("pad/table", "pad/box", *(f"box.{corner}/table" for corner in range(1, 9)))
+    height = np.interp(rollout.time, interaction.time, interaction.reference[:, 2])
+    pressed = np.maximum(RADIUS - height, 0.0) / (ENDPOINT + PAD)
+    np.testing.assert_allclose(rollout.contact_force[:, 1, 2], pressed, atol=1e-9)
+    np.testing.assert_allclose(rollout.contact_force[:, 2:, 2].sum(axis=1), pressed + 0.1 * 9.81, atol=1e-9)
+    np.testing.assert_allclose(rollout.object_position[:, 0], np.tile(pose.position, (101, 1)), atol=1e-9)
+    rollout.save(tmp_path / "rollout.nc")
+    again = Rollout.load(tmp_path / "rollout.nc")
+    assert again.object_names == ("box",)
+    for name in ("object_position", "object_quaternion", "object_velocity", "object_angular_velocity"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(rollout, name))
+    assert not layout_problems(tmp_path / "rollout.nc", Rollout)
+    assert [line for line in check_rollout(again) if line.startswith("error")] == []
+    sideways = np.array(again.contact_force)
+    sideways[50, 2:, 0] += 0.3 * sideways[50, 2:, 2]
+    told = check_rollout(dataclasses.replace(again, contact_force=sideways))
+    assert any("leaves the friction cone of 0.2" in line for line in told)
+
+
+FELT = PairFriction(("table", "box"), 0.2)
 
 
 def test_resample_turns_quaternions_along_the_shortest_way():
