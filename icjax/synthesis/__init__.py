@@ -13,6 +13,7 @@ from icjax.synthesis._object import rigid_admittance as rigid_admittance
 from icjax.synthesis._read_scene import read_scene as read_scene
 from icjax.synthesis._scene import PairFriction as PairFriction
 from icjax.synthesis._scene import Scene as Scene
+from icjax.synthesis._stepper import PARTING as PARTING
 from icjax.synthesis._stepper import State as State
 from icjax.synthesis._stepper import StepInfo as StepInfo
 from icjax.synthesis._stepper import init as init

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from icjax.geometry import Shape
+from icjax.geometry import Placed, Plane, Shape, Sphere
 from icjax.model import Model, frames, jacobian_at
 from icjax.spatial import Pose, gamma
 from icjax.synthesis._object import Motion
@@ -55,34 +55,36 @@ class Slots(NamedTuple):
 
 
 def slots(model: Model, scene: Scene) -> Slots:
-    """Every pad with every surface and object; then every object's corners with every surface and other object.
+    """Every pad with every surface and object; then objects' corners with surfaces and other objects.
 
-    **Errors**: `ValueError` for friction of a pair whose names are neither pads, surfaces nor objects.
+    **Errors**: `ValueError` for a thing that has the name of a pad, friction of a pair whose names are neither pads,
+    surfaces nor objects, and two things whose contact would not be found.
     """
+    for thing in (*scene.surfaces, *scene.objects):
+        if thing.name in model.pad_names:
+            raise ValueError(
+                f"{thing.name!r} is the name of a pad of {model.name!r}; a surface or object needs another"
+            )
     known = {*model.pad_names, *(thing.name for thing in (*scene.surfaces, *scene.objects))}
     for pair in scene.frictions:
         for name in pair.names:
             if name not in known:
                 raise ValueError(f"frictions name {name!r}, which is none of {', '.join(sorted(known))}")
     things = [(FIXED, item) for item in scene.surfaces] + list(enumerate(scene.objects))
-    rows = []
+    rows: list[Any] = []
     for number, pad in enumerate(model.pad_names):
         for second, thing in things:
             mu = scene.friction_of(pad, thing.name)
             rows.append((f"{pad}/{thing.name}", number, FIXED, second, thing.friction if mu is None else mu))
-    for first, item in enumerate(scene.objects):
-        for second, thing in things:
-            if second == first:
-                continue
-            mu = scene.friction_of(item.name, thing.name)
-            mu = jnp.minimum(item.friction, thing.friction) if mu is None else mu
-            count = _probe_count(item.shape)
-            names = (
-                [f"{item.name}/{thing.name}"]
-                if count == 1
-                else [f"{item.name}.{corner}/{thing.name}" for corner in range(1, count + 1)]
-            )
-            rows += [(name, -1, first, second, mu) for name in names]
+    for first, at in _meetings(scene):
+        item, (second, thing) = scene.objects[first], things[at]
+        mu = scene.friction_of(item.name, thing.name)
+        mu = jnp.minimum(item.friction, thing.friction) if mu is None else mu
+        count = _probe_count(item.shape)
+        corners = [""] if count == 1 else [f".{corner}" for corner in range(1, count + 1)]
+        rows += [(f"{item.name}{corner}/{thing.name}", -1, first, second, mu) for corner in corners]
+    if not rows:
+        raise ValueError("nothing in the scene can touch anything: it needs a surface, or a model with pads")
     pad = np.array([row[1] for row in rows], int)
     pads = jnp.concatenate([jnp.asarray(model.pad_compliance), jnp.zeros(1)])  # the last one is no pad
     return Slots(
@@ -115,10 +117,10 @@ def find_contacts(
     poses = [motion.pose() for motion in motions]
     things = [_in_the_world(item.shape, None) for item in scene.surfaces]
     things += [_in_the_world(item.shape, pose) for item, pose in zip(scene.objects, poses, strict=True)]
-    parts = [_of_pads(model, q, things)] if model.pad_names else []
-    for first, (item, pose) in enumerate(zip(scene.objects, poses, strict=True)):
-        others = [thing for number, thing in enumerate(things) if number != first + len(scene.surfaces)]
-        parts += [_of_corners(item.shape, pose, pose.apply(item.com), thing, q.dtype) for thing in others]
+    parts: list[Any] = [_of_pads(model, q, things)] if model.pad_names else []
+    for first, second in _meetings(scene):
+        item, pose = scene.objects[first], poses[first]
+        parts.append(_of_corners(item.shape, pose, pose.apply(item.com), things[second], q.dtype))
     distance, normal, centre, radius, rotation = (jnp.concatenate(part) for part in zip(*parts, strict=True))
     table = slots(model, scene)
     point = centre - radius[:, None] * normal
@@ -127,6 +129,34 @@ def find_contacts(
     centres = [pose.apply(item.com) for item, pose in zip(scene.objects, poses, strict=True)]
     jacobian = _relative_jacobian(model, q, table, point, centres)
     return Contacts(point=point, normal=normal, gap=distance - radius, jacobian=jacobian, rotation=rotation)
+
+
+def _meetings(scene: Scene) -> list[tuple[int, int]]:
+    """Number of an object, and the place of what its corners may touch among surfaces and objects.
+
+    A ball is its own corner, exact against every solid; the corners of others find all contacts with planes only: faces
+    may lie on each other without a corner of either inside the other.
+    """
+    things = (*scene.surfaces, *scene.objects)
+    found = []
+    for first, item in enumerate(scene.objects):
+        for second, thing in enumerate(things):
+            place = first + len(scene.surfaces)
+            ball, other_ball = (isinstance(_core(each.shape), Sphere) for each in (item, thing))
+            from_the_other_side = second >= len(scene.surfaces) and other_ball and not (ball and second > place)
+            if second == place or from_the_other_side:
+                continue
+            if not (ball or isinstance(_core(thing.shape), Plane)):
+                raise ValueError(
+                    f"contact of {item.name!r} with {thing.name!r} is not implemented: an object that is no ball meets "
+                    "planes and ball objects only"
+                )
+            found.append((first, second))
+    return found
+
+
+def _core(shape: Shape) -> Shape:
+    return _core(shape.shape) if isinstance(shape, Placed) else shape
 
 
 class _Thing(NamedTuple):

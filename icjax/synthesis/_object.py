@@ -18,7 +18,7 @@ from icjax.spatial import (
     skew,
 )
 from icjax.synthesis._bodies import Admittance
-from icjax.synthesis._surface import check_solid, described, known
+from icjax.synthesis._surface import FARTHEST, check_rotation, check_size, check_solid, described, known
 from icjax.typing import Float, Matrix3, Real, Scalar, Vector3
 
 _ITERATIONS = 5  # of Newton's method for the spin; each leaves (h omega)^2 / 6 of its error
@@ -37,7 +37,7 @@ class Object(eqx.Module):
       (rad/s) then, world axes; default at rest at the origin.
 
     **Errors**: `ValueError` for a mass that is not positive, an inertia that no body has, an impossible shape or
-    friction, numbers that are not finite.
+    friction, numbers that are not finite or too few; `TypeError` for what is no shape or pose.
     """
 
     name: str = eqx.field(static=True)
@@ -66,6 +66,11 @@ class Object(eqx.Module):
     ):
         if (mass is None) == (density is None):
             raise ValueError(f"object {name!r}: give its mass (kg) or its density (kg/m3)")
+        if not isinstance(shape, Shape):
+            raise TypeError(f"object {name!r}: {shape!r} is no shape of icjax.geometry")
+        if pose is not None and not isinstance(pose, Pose):
+            raise TypeError(f"object {name!r}: its pose must be an icjax.spatial.Pose; got {pose!r}")
+        check_size(f"object {name!r}: {'density' if mass is None else 'mass'}", density if mass is None else mass, ())
         even = shape.mass_properties()
         if mass is None:
             mass = density * even.volume
@@ -79,7 +84,9 @@ class Object(eqx.Module):
     def __check_init__(self):
         what = f"object {self.name!r}"
         check_solid(what, self.shape, self.friction)
-        for name in ("mass", "com", "inertia", "velocity", "angular_velocity"):
+        sizes = {"mass": (), "com": (3,), "inertia": (3, 3), "velocity": (3,), "angular_velocity": (3,)}
+        for name, size in sizes.items():
+            check_size(f"{what}: {name}", getattr(self, name), size)
             value = known(getattr(self, name))
             if value is not None and not np.isfinite(value).all():
                 raise ValueError(f"{what}: {name} must be finite; got {value.tolist()}")
@@ -88,11 +95,11 @@ class Object(eqx.Module):
             raise ValueError(f"{what}: mass must be positive; got {mass} kg")
         if inertia is not None:
             _check_inertia(what, inertia)
-        position, rotation = known(self.pose.position), known(self.pose.rotation)
-        if position is not None and not np.isfinite(position).all():
-            raise ValueError(f"{what}: its position must be finite; got {position.tolist()}")
-        if rotation is not None and not _is_rotation(rotation):
-            raise ValueError(f"{what}: its rotation is no rotation matrix: {rotation.tolist()}")
+        check_size(f"{what}: its position", self.pose.position, (3,))
+        check_rotation(f"{what}: its rotation", self.pose.rotation)
+        position = known(self.pose.position)
+        if position is not None and not (np.abs(position) <= FARTHEST).all():
+            raise ValueError(f"{what}: its position must be within {FARTHEST:g} m; got {position.tolist()}")
 
     def describe(self) -> dict[str, Any]:
         """Its numbers, for JSON."""
@@ -182,7 +189,3 @@ def _check_inertia(what: str, inertia: np.ndarray) -> None:
             f"{what}: no body has the principal moments {', '.join(f'{x:.3g}' for x in moments)} kg m2: each must be "
             "positive and no more than the sum of the others"
         )
-
-
-def _is_rotation(matrix: np.ndarray) -> bool:
-    return bool(np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-6) and np.linalg.det(matrix) > 0)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from icjax.synthesis._object import Object
-from icjax.synthesis._surface import Surface, check_friction, described, known
+from icjax.synthesis._surface import Surface, check_friction, check_size, described, known
 from icjax.typing import Scalar, Vector3
 
 SHORTEST_STEP = 1e-6
@@ -21,13 +21,18 @@ class PairFriction(eqx.Module):
     friction: Scalar = eqx.field(converter=lambda value: jnp.asarray(value, float))
 
     def __check_init__(self):
+        if len(set(self.names)) != 2:
+            raise ValueError(
+                f"friction is that of two different things; got the names {', '.join(map(repr, self.names))}"
+            )
         check_friction(f"friction of {' and '.join(map(repr, self.names))}", self.friction)
 
 
 class Scene(eqx.Module):
     """Surfaces and free objects; the pads of a model may touch all of them, objects the surfaces and each other.
 
-    A bump on a plate is two surfaces, a plane and an ellipsoid.
+    A bump on a plate is two surfaces, a plane and an ellipsoid. Ball objects meet everything; one of another shape
+    meets planes and ball objects only, and a scene in which it could meet anything else is refused when it is used.
 
     **Fields**
 
@@ -58,10 +63,14 @@ class Scene(eqx.Module):
             raise ValueError("surfaces is empty; a scene needs at least one, or an object")
         if len(set(names)) != len(names):
             raise ValueError(f"surfaces or objects have one name twice: {', '.join(names)}")
-        if self.facets < 2:
+        if not isinstance(self.facets, int) or self.facets < 2:
             raise ValueError(f"facets must be at least 2 (pairs of tangents); got {self.facets}")
         if not (self.step >= SHORTEST_STEP and np.isfinite(self.step)):
             raise ValueError(f"step must be a positive time of at least {SHORTEST_STEP:g} s; got {self.step}")
+        for name in names:
+            if not isinstance(name, str) or not name or "/" in name:
+                raise ValueError(f"a surface or object must have a name without '/'; got {name!r}")
+        check_size("gravity", self.gravity, (3,))
         gravity = known(self.gravity)
         if gravity is not None and not np.isfinite(gravity).all():
             raise ValueError(f"gravity must be finite; got {gravity.tolist()}")

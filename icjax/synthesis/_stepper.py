@@ -27,6 +27,10 @@ STATUSES = (
 """Meaning of `StepInfo.status`, by its number."""
 
 
+PARTING = 0.1
+"""m/s; how fast rigid things that overlap are pushed apart (all at once, a millimetre would become 0.5 m/s)."""
+
+
 class State(eqx.Module):
     """Hand and objects at step k.
 
@@ -73,7 +77,7 @@ class StepInfo(eqx.Module):
 
 
 def init(model: Model, scene: Scene, q: Float[Real, " nq"]) -> State:
-    """State at configuration `q` with unloaded pads (penetration is pushed out by the first step), objects at start."""
+    """State at configuration `q`, objects at start; pads unloaded: the first step pushes out their penetration."""
     motions = tuple(at_start(item) for item in scene.objects)
     contacts = find_contacts(model, scene, q, motions=motions)
     return State(q=jnp.asarray(q), pad_force=jnp.zeros_like(contacts.point), contacts=contacts, motions=motions)
@@ -115,7 +119,8 @@ def step(model: Model, scene: Scene, state: State, target: Target) -> tuple[Stat
     problem = ContactProblem(
         coupling=coupling,
         free_displacement=J @ free - (table.compliance[:, None] * tangential).reshape(-1),
-        gap=here.gap,
+        # Pads are pressed as deep as they are; rigid things part at a speed that is no blow.
+        gap=jnp.where(table.pad >= 0, here.gap, jnp.maximum(here.gap, -PARTING * scene.step)),
         frames=jax.vmap(contact_frame)(here.normal),
         friction=table.friction,
         active=jnp.ones(count, bool),
@@ -189,7 +194,8 @@ def rollout(
 
     **Returns**: the last state and the stacked [`StepInfo`].
 
-    **Errors**: `ValueError` for a model without pads in a scene without objects, or targets of another model or scene.
+    **Errors**: `ValueError` for a model without pads in a scene without objects, targets of another model or scene, or
+    a scene with contacts that would be missed (see [`Scene`]).
     """
     if not (model.pad_names or scene.objects):
         raise ValueError(f"model {model.name!r} has no contact pads, and the scene no objects")
@@ -199,6 +205,7 @@ def rollout(
     if targets.wrench is not None and jnp.shape(targets.wrench)[1:] != (len(scene.objects), 6):
         found = jnp.shape(targets.wrench)
         raise ValueError(f"wrench must be [time, {len(scene.objects)}, 6], a row an object; got {list(found)}")
+    slots(model, scene)  # errors with the names that people gave
     model, targets = jax.tree.map(jnp.asarray, (model, targets))
     scene = _unnamed(scene)
     if state is None:

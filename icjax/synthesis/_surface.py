@@ -46,7 +46,9 @@ def known(value: Any) -> np.ndarray | None:
 
 
 def check_solid(what: str, shape: Shape, friction: Real) -> None:
-    """**Errors**: `ValueError` beginning with `what` for an impossible shape or friction."""
+    """**Errors**: `ValueError` beginning with `what` for an impossible shape or friction, `TypeError` for no shape."""
+    if not isinstance(shape, Shape):
+        raise TypeError(f"{what}: {shape!r} is no shape of icjax.geometry")
     check_friction(f"{what}: friction", friction)
     if isinstance(shape, Placed):
         _check_numbers(what, {"position": shape.pose.position, "rotation": shape.pose.rotation})
@@ -55,10 +57,26 @@ def check_solid(what: str, shape: Shape, friction: Real) -> None:
 
 
 def check_friction(what: str, friction: Real) -> None:
-    """**Errors**: `ValueError` for a coefficient that is known and impossible."""
+    """**Errors**: `ValueError` for what is no coefficient, or one that is known and impossible."""
+    check_size(what, friction, ())
     value = known(friction)
     if value is not None and not 0 <= value <= MOST_FRICTION:
         raise ValueError(f"{what} must be 0 to {MOST_FRICTION:g}; got {value}")
+
+
+def check_size(what: str, value: Any, size: tuple[int, ...]) -> None:
+    """**Errors**: `ValueError` for an array of another size."""
+    if np.shape(value) != size:
+        wanted = " x ".join(map(str, size)) + " numbers" if size else "one number"
+        raise ValueError(f"{what} must be {wanted}; got an array {list(np.shape(value))}")
+
+
+def check_rotation(what: str, rotation: Any) -> None:
+    """**Errors**: `ValueError` for a matrix that is known and no rotation."""
+    check_size(what, rotation, (3, 3))
+    R = known(rotation)
+    if R is not None and not (np.allclose(R @ R.T, np.eye(3), atol=1e-6) and np.linalg.det(R) > 0):
+        raise ValueError(f"{what} is no rotation matrix: {R.tolist()}")
 
 
 def _check_numbers(what: str, fields: dict[str, Any]) -> None:
@@ -68,6 +86,8 @@ def _check_numbers(what: str, fields: dict[str, Any]) -> None:
             continue
         if not (np.abs(value) <= FARTHEST).all():
             raise ValueError(f"{what}: {name} must be within {FARTHEST:g} m; got {value.tolist()}")
+        if name == "rotation":
+            check_rotation(f"{what}: rotation", value)
         if name in _SIZES and not (value >= SMALLEST).all():
             raise ValueError(f"{what}: {name} must be positive, at least {SMALLEST:g} m; got {value.tolist()}")
         if name == "normal_direction" and not np.any(value):

@@ -12,10 +12,10 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from icjax.contact import contact_frame
-from icjax.geometry import Box, Cylinder, Plane, Sphere
+from icjax.geometry import Box, Cylinder, Ellipsoid, Placed, Plane, Sphere
 from icjax.model import load_model
 from icjax.spatial import Pose, quaternion_to_rotation
-from icjax.synthesis import Object, PairFriction, Scene, Surface, Target, rollout
+from icjax.synthesis import PARTING, Object, PairFriction, Scene, Surface, Target, rollout
 
 NOBODY = load_model('<mujoco model="nobody"/>')
 GRAVITY = 9.81
@@ -281,6 +281,50 @@ def test_derivatives():
     check_derivatives(landed, x, tolerance=1e-5)
 
 
+def test_an_overlap_is_no_blow():
+    """A box a centimetre inside the table rises at PARTING and flies no higher than that speed carries it."""
+    sunk = Object("box", Box(HALF), 0.5, mass=0.1, pose=at([0.0, 0.0, HALF[2] - 0.01]))
+    _, info = in_chunks(Scene("sunk", (table(),), objects=(sunk,)), 200)
+    assert np.all(np.asarray(info.status) == 0)
+    height = np.asarray(info.object_position)[:, 0, 2]
+    assert np.max(height) < HALF[2] + PARTING**2 / (2 * GRAVITY)
+    np.testing.assert_allclose(height[-1], HALF[2], atol=1e-9)
+
+
+def test_a_contact_that_would_be_missed_is_refused():
+    box = Object("box", Box(HALF), 0.5, mass=0.1)
+    pole = Surface("pole", Box(np.array([0.02, 0.02, 0.1])), 0.5)
+    for surfaces, objects in [
+        ((pole,), (box,)),
+        ((table(),), (box, Object("lid", Box(HALF), 0.5, mass=0.1))),
+        ((Surface("bump", Ellipsoid(np.zeros(3), np.eye(3), HALF), 0.5),), (box,)),
+    ]:
+        with pytest.raises(ValueError, match="contact of 'box' with '.*' is not implemented"):
+            alone(Scene("refused", surfaces, objects=objects), 3)
+    with pytest.raises(ValueError, match="nothing in the scene can touch"):
+        alone(Scene("empty", (), objects=(box,)), 3)
+
+
+@pytest.mark.slow
+def test_a_ball_meets_everything():
+    """It comes to rest on a pole, and another on a heavy box, each carried."""
+    pole = Surface("pole", Box(np.array([0.02, 0.02, 0.1])), 0.5)
+    balls = [Object(name, Sphere(0.01), 0.5, mass=0.05, pose=at([x, 0, z])) for name, x, z in BALLS]
+    crate = Object("crate", Box(np.array([0.03, 0.03, 0.02])), 0.5, mass=2.0, pose=at([0.2, 0, 0.02]))
+    floor = Surface("table", Plane(np.array([0.0, 0.0, 0.0]), UP), 0.5)
+    # A plane below everything, and a pole that stands in it; the crate would meet the pole, so it stands on its own.
+    for surfaces, objects, expected in [
+        ((floor, pole), (balls[0], balls[2]), [0.11, 0.13]),
+        ((floor,), (crate, balls[1]), [0.02, 0.05]),
+    ]:
+        _, info = in_chunks(Scene("balls", surfaces, objects=objects), 400)
+        assert np.all(np.asarray(info.status) == 0)
+        np.testing.assert_allclose(np.asarray(info.object_position)[-1, :, 2], expected, rtol=0, atol=1e-6)
+
+
+BALLS = [("low", 0.0, 0.111), ("on", 0.2, 0.052), ("high", 0.0, 0.1325)]
+
+
 def test_friction_of_pairs():
     block = Object("block", Box(np.array([0.03, 0.03, 0.01])), 0.5, mass=0.2, pose=at([0, 0, 0.01]))
     slope = np.array([2.0, 0.0, -9.0])
@@ -305,6 +349,11 @@ def test_bad_objects_are_named():
         ({"mass": 1.0, "inertia": np.diag([1.0, 1.0, -1.0])}, "no body has"),
         ({"mass": 1.0, "velocity": [np.inf, 0, 0]}, "velocity must be finite"),
         ({"mass": 1.0, "pose": Pose(2 * np.eye(3), np.zeros(3))}, "no rotation"),
+        ({"mass": 1.0, "pose": at([0.0, 0.0, 1e6])}, "position must be within"),
+        ({"mass": [1.0, 1.0]}, "mass must be one number"),
+        ({"mass": 1.0, "velocity": 1.0}, "velocity must be 3 numbers"),
+        ({"mass": 1.0, "com": [0.0, 0.0]}, "com must be 3 numbers"),
+        ({"mass": 1.0, "inertia": [1e-5, 1e-5, 1e-5]}, "inertia must be 3 x 3 numbers"),
     ]:
         with pytest.raises(ValueError, match=words):
             Object("cup", box, 0.5, **arguments)
@@ -314,6 +363,28 @@ def test_bad_objects_are_named():
         Object("cup", Box(np.array([0.1, 0.0, 0.1])), 0.5, mass=1.0)
     with pytest.raises(ValueError, match="half-space has no mass"):
         Object("cup", Plane(np.zeros(3), UP), 0.5, mass=1.0)
+    for wrong, words in [  # in the tests' strict mode the annotation speaks first
+        (lambda: Object("cup", None, 0.5, mass=1.0), "shape"),
+        (lambda: Object("cup", box, 0.5, mass=1.0, pose=np.eye(4)), "pose"),
+        (lambda: Surface("table", None, 0.5), "shape"),
+    ]:
+        with pytest.raises(TypeError, match=words):
+            wrong()
+    bent = Pose(np.diag([1.0, 1.0, -1.0]), np.zeros(3))
+    for wrong, words in [
+        (lambda: Object("cup", box, [0.5, 0.2], mass=1.0), "friction must be one number"),
+        (lambda: Object("cup", Placed(box, bent), 0.5, mass=1.0), "'cup': rotation is no rotation"),
+        (lambda: Surface("egg", Ellipsoid(np.zeros(3), 2 * np.eye(3), HALF), 0.5), "'egg': rotation is no rotation"),
+        (lambda: Scene("s", (table(),), gravity=-9.81), "gravity must be 3 numbers"),
+        (lambda: Scene("s", (table(),), facets=2.5), "facets must be"),
+        (lambda: Scene("s", (), objects=(Object("a/b", box, 0.5, mass=1.0),)), "without '/'"),
+        (lambda: PairFriction(("cup", "cup"), 0.5), "two different things"),
+    ]:
+        with pytest.raises(ValueError, match=words):
+            wrong()
+    named = Scene("s", (table(),), objects=(Object("pad_left", box, 0.5, mass=1.0),))
+    with pytest.raises(ValueError, match="'pad_left' is the name of a pad"):
+        rollout(PINCH, named, Target(jnp.zeros((2, 6)), jnp.zeros((2, 6))))
     cup = Object("cup", box, 0.5, density=1000.0)
     np.testing.assert_allclose(cup.mass, 1000 * 8 * np.prod(HALF))
     with pytest.raises(ValueError, match="one name twice"):
