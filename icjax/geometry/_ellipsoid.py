@@ -60,7 +60,7 @@ class Ellipsoid(Shape):
         return MassProperties(volume, self.centre, inertia)
 
     def probes(self, direction: Float[Real, "3"]) -> Probes:
-        """The point farthest along the direction, c + R r^2 d / |r d| with d in the axes of the ellipsoid."""
+        """The point farthest along the direction, ``c + R r^2 d / norm(r d)`` with d in the axes of the ellipsoid."""
         scaled = self.radii * (self.rotation.T @ direction)
         farthest = self.centre + self.rotation @ (self.radii * scaled / jnp.sqrt(jnp.sum(scaled**2)))
         return Probes(farthest[None], jnp.zeros(1, farthest.dtype))

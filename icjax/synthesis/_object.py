@@ -21,7 +21,7 @@ from icjax.synthesis._bodies import Admittance
 from icjax.synthesis._surface import FARTHEST, check_rotation, check_size, check_solid, described, known
 from icjax.typing import Float, Matrix3, Real, Scalar, Vector3
 
-_ITERATIONS = 5  # of Newton's method for the spin; each leaves (h omega)^2 / 6 of its error
+_ITERATIONS = 4  # of Newton's method for the spin; each leaves (h omega)^2 / 6 of its error
 
 
 class Object(eqx.Module):

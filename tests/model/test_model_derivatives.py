@@ -51,31 +51,24 @@ def everything(model, q, v, a):
     return jnp.concatenate([part.ravel() for part in parts])
 
 
+NUMBERS = ("body_position", "body_mass", "body_com", "joint_position", "joint_axis", "armature", "site_position")
+
+
 @pytest.mark.slow
-def test_coordinates_and_velocities():
-    """At the neutral pose all rotation vectors are zero, the singular point of the exponential map."""
+def test_coordinates_velocities_and_numbers_of_the_model():
+    """At the neutral pose all rotation vectors are zero, the singular point of the exponential map. Lengths, anchors,
+    masses, inertias and armature are differentiable leaves."""
     n = MODEL.nv
-    x = np.concatenate([np.zeros(n), V, A])
+    leaves = [np.asarray(getattr(MODEL, name)) for name in NUMBERS]
+    splits = np.cumsum([leaf.size for leaf in leaves])[:-1]
+    x = np.concatenate([np.zeros(n), V, A, *(leaf.ravel() for leaf in leaves)])
 
     def function(x, q):
-        return everything(MODEL, integrate(MODEL, q, x[:n]), x[n : 2 * n], x[2 * n :])
+        pieces = zip(NUMBERS, jnp.split(x[3 * n :], splits), leaves, strict=True)
+        model = dataclasses.replace(MODEL, **{name: piece.reshape(leaf.shape) for name, piece, leaf in pieces})
+        return everything(model, integrate(model, q, x[:n]), x[n : 2 * n], x[2 * n : 3 * n])
 
     check_derivatives(function, (x, Q), (x, np.asarray(neutral(MODEL))), tolerance=1e-7)  # sums of many large terms
-
-
-@pytest.mark.slow
-def test_numbers_of_the_model():
-    """Lengths, anchors, masses, inertias and armature are differentiable leaves."""
-    names = ("body_position", "body_mass", "body_com", "joint_position", "joint_axis", "armature", "site_position")
-    leaves = [np.asarray(getattr(MODEL, name)) for name in names]
-    splits = np.cumsum([leaf.size for leaf in leaves])[:-1]
-
-    def function(x):
-        pieces = zip(names, jnp.split(x, splits), leaves, strict=True)
-        changed = {name: piece.reshape(leaf.shape) for name, piece, leaf in pieces}
-        return everything(dataclasses.replace(MODEL, **changed), Q, V, A)
-
-    check_derivatives(function, np.concatenate([leaf.ravel() for leaf in leaves]), tolerance=1e-7)
 
 
 def test_the_jacobian_is_the_derivative_of_the_point():
