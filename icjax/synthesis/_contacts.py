@@ -9,7 +9,7 @@ import numpy as np
 
 from icjax.geometry import Placed, Plane, Shape, Sphere
 from icjax.model import Model, frames, jacobian_at
-from icjax.spatial import Pose, gamma
+from icjax.spatial import gamma
 from icjax.synthesis._object import Motion
 from icjax.synthesis._scene import Scene
 from icjax.typing import Float, Real
@@ -115,18 +115,17 @@ def find_contacts(
     `motions` of the objects.
     """
     poses = [motion.pose() for motion in motions]
-    things = [_in_the_world(item.shape, None) for item in scene.surfaces]
-    things += [_in_the_world(item.shape, pose) for item, pose in zip(scene.objects, poses, strict=True)]
+    placed = [Placed(item.shape, pose) for item, pose in zip(scene.objects, poses, strict=True)]
+    things = [*(item.shape for item in scene.surfaces), *placed]
+    centres = [pose.apply(item.com) for item, pose in zip(scene.objects, poses, strict=True)]
     parts: list[Any] = [_of_pads(model, q, things)] if model.pad_names else []
     for first, second in _meetings(scene):
-        item, pose = scene.objects[first], poses[first]
-        parts.append(_of_corners(item.shape, pose, pose.apply(item.com), things[second], q.dtype))
+        parts.append(_of_corners(placed[first], centres[first], things[second], q.dtype))
     distance, normal, centre, radius, rotation = (jnp.concatenate(part) for part in zip(*parts, strict=True))
     table = slots(model, scene)
     point = centre - radius[:, None] * normal
     if pad_force is not None:
         point = point + table.compliance[:, None] * jnp.einsum("iab,ib->ia", rotation, pad_force)
-    centres = [pose.apply(item.com) for item, pose in zip(scene.objects, poses, strict=True)]
     jacobian = _relative_jacobian(model, q, table, point, centres)
     return Contacts(point=point, normal=normal, gap=distance - radius, jacobian=jacobian, rotation=rotation)
 
@@ -159,36 +158,20 @@ def _core(shape: Shape) -> Shape:
     return _core(shape.shape) if isinstance(shape, Placed) else shape
 
 
-class _Thing(NamedTuple):
-    distance: Any
-    normal: Any
-
-
-def _in_the_world(shape: Shape, pose: Pose | None) -> _Thing:
-    if pose is None:
-        return _Thing(shape.signed_distance, shape.normal)
-    return _Thing(
-        lambda p: shape.signed_distance(pose.inverse().apply(p)),
-        lambda p: pose.rotation @ shape.normal(pose.inverse().apply(p)),
-    )
-
-
-def _of_pads(model: Model, q: Real, things: list[_Thing]):
+def _of_pads(model: Model, q: Real, things: list[Shape]):
     at = frames(model, q)
     carriers = at.bodies(model, np.asarray(model.pad_bodies, int))
     centres = jax.vmap(lambda pose, centre: pose.apply(centre))(carriers, jnp.asarray(model.pad_centre))
-    distance = jnp.stack([jax.vmap(thing.distance)(centres) for thing in things], axis=1).reshape(-1)
+    distance = jnp.stack([jax.vmap(thing.signed_distance)(centres) for thing in things], axis=1).reshape(-1)
     normal = jnp.stack([jax.vmap(thing.normal)(centres) for thing in things], axis=1).reshape(-1, 3)
     pads = np.repeat(np.arange(len(model.pad_names)), len(things))
     return distance, normal, centres[pads], jnp.asarray(model.pad_radius)[pads], carriers.rotation[pads]
 
 
-def _of_corners(shape: Shape, pose: Pose, middle: Real, thing: _Thing, dtype):
+def _of_corners(item: Placed, middle: Real, thing: Shape, dtype):
     """The object's probes against another thing, chosen by the direction in which that one lies."""
-    direction = pose.rotation.T @ -thing.normal(middle)
-    centre, radius = shape.probes(direction)
-    centre = centre @ pose.rotation.T + pose.position[None]
-    distance, normal = jax.vmap(thing.distance)(centre), jax.vmap(thing.normal)(centre)
+    centre, radius = item.probes(-thing.normal(middle))
+    distance, normal = jax.vmap(thing.signed_distance)(centre), jax.vmap(thing.normal)(centre)
     rotation = jnp.broadcast_to(jnp.eye(3, dtype=dtype), (centre.shape[0], 3, 3))
     return distance, normal, centre, radius, rotation
 
