@@ -36,9 +36,9 @@ def trials_of(name: str, cache: Path | None = None) -> tuple[Recording, ...]:
 
 
 def truth_of(name: str, trial: str) -> dict[str, np.ndarray]:
-    """Truth of one trial; it only judges."""
+    """Truth of one trial, what of it is numbers; it only judges."""
     with np.load(shared_data() / "virtual_sessions" / name / f"{trial}_truth.npz") as stored:
-        return {key: np.asarray(stored[key], dtype=float) for key in stored.files}
+        return {key: stored[key].astype(float) for key in stored.files if stored[key].dtype.kind != "U"}
 
 
 def true_compliance(name: str) -> np.ndarray:
