@@ -19,6 +19,7 @@ class RESULTS(eqx.Enumeration):
     max_pivots = "The solver reached its maximum number of pivots or iterations."
     not_converged = "The solver stopped before it reached its tolerance."
     invalid_input = "The problem contains NaN, infinite numbers, or negative friction."
+    crowded = "More contacts or joint limits took part than the scene has room for; the others were left out."
 
 
 class Solution(eqx.Module, Generic[Value]):

@@ -40,6 +40,8 @@ class Rollout(eqx.Module):
     residual: Float[Real, " time"] = labelled("time", unit="1", doc="complementarity residual, dimensionless")
     status: Int[Real, " time"] = labelled("time", unit="1", doc="0 where the step was solved, else the RESULTS index")
     margin: Float[Real, " time"] = labelled("time", unit="1", doc="distance from a change of contact state")
+    limit_torque: Float[Real, "time dof"] | None = optional("time", "dof", unit="Nm", doc="of the joint limits")
+    compliance: Float[Real, "time dof"] | None = optional("time", "dof", unit="rad/Nm", doc="that was stepped with")
     object_names: tuple[str, ...] = names("object", default=())
     object_position: Float[Real, "time object 3"] | None = optional(
         "time", "object", "axis", unit="m", doc="origin of the object's frame, world"

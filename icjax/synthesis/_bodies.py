@@ -20,14 +20,21 @@ class Admittance(eqx.Module):
 class Target(eqx.Module):
     """Where the hand wants to be at the end of a step, and how firmly: one row of an interaction trajectory.
 
-    **Fields**: `reference` theta_r(k+1) (rad, m); `compliance` C(k+1), its diagonal (rad/Nm, m/N), zero on driven
-    degrees of freedom; `wrench` on the objects besides gravity and contact, torque about the centre of mass and force,
-    world axes (Nm, N), None for none.
+    **Fields**
+
+    - `reference`: theta_r(k+1), rad, m.
+    - `compliance`: C(k+1), rad/Nm, m/N, zero on driven degrees of freedom: its diagonal, or the whole symmetric
+      positive semidefinite matrix `[*time, nv, nv]`.
+    - `wrench`: on the objects besides gravity and contact, torque about the centre of mass and force, world axes, Nm,
+      N; None for none.
+    - `path`: where the driven objects are at the end of the step, in their order: origin of their frame, m, and
+      quaternion (w, x, y, z); None where they stay.
     """
 
     reference: Float[Real, "*time nq"]
-    compliance: Float[Real, "*time nv"]
+    compliance: Float[Real, "*time nv"] | Float[Real, "*time nv nv"]
     wrench: Float[Real, "*time object 6"] | None = None
+    path: Float[Real, "*time driven 7"] | None = None
 
 
 class QuasiStaticHand(eqx.Module):
@@ -46,6 +53,6 @@ class QuasiStaticHand(eqx.Module):
 
     def admittance(self, q: Float[Real, " nq"], target: Target) -> Admittance:
         """Free displacement and admittance over the step from `q` to `target`."""
-        return Admittance(
-            free=difference(self.model, q, target.reference), matrix=jnp.diag(jnp.asarray(target.compliance))
-        )
+        compliance = jnp.asarray(target.compliance)
+        matrix = jnp.diag(compliance) if compliance.ndim == 1 else compliance
+        return Admittance(free=difference(self.model, q, target.reference), matrix=matrix)

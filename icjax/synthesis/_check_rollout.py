@@ -99,8 +99,8 @@ def _implausible(rollout: Rollout, solved: np.ndarray) -> Iterator[tuple[str, st
         row, column = np.unravel_index(int(np.nanargmax(outside)), outside.shape)
         yield (
             "suspicious",
-            f"{names[column]} goes {outside[row, column]:.2g} beyond its limits, most at {time[row]:g} s; joint limits "
-            "are not part of this simulation",
+            f"{names[column]} goes {outside[row, column]:.2g} beyond its limits, most at {time[row]:g} s: it is driven "
+            "there, or the scene has no room for its limit",
         )
     gap, deepest = np.asarray(rollout.gap), 2 * float(np.max(np.asarray(model.pad_radius), initial=0.0))
     if deepest and np.nanmin(gap, initial=0.0) < -deepest:

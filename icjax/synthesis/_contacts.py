@@ -138,20 +138,27 @@ def _meetings(scene: Scene) -> list[tuple[int, int]]:
     """
     things = (*scene.surfaces, *scene.objects)
     found = []
-    for first, item in enumerate(scene.objects):
-        for second, thing in enumerate(things):
-            place = first + len(scene.surfaces)
-            ball, other_ball = (isinstance(_core(each.shape), Sphere) for each in (item, thing))
-            from_the_other_side = second >= len(scene.surfaces) and other_ball and not (ball and second > place)
-            if second == place or from_the_other_side:
+    for number, item in enumerate(scene.objects):
+        own = number + len(scene.surfaces)
+        for other in [place for place in range(len(things)) if place < len(scene.surfaces) or place > own]:
+            if item.driven and (other < len(scene.surfaces) or scene.objects[other - len(scene.surfaces)].driven):
                 continue
-            if not (ball or isinstance(_core(thing.shape), Plane)):
+            first, second = own, other
+            if other > own and not _finds(item.shape, things[other].shape):
+                first, second = other, own
+            if not _finds(things[first].shape, things[second].shape):
                 raise ValueError(
-                    f"contact of {item.name!r} with {thing.name!r} is not implemented: an object that is no ball meets "
-                    "planes and ball objects only"
+                    f"contact of {item.name!r} with {things[other].name!r} is not implemented: an object that is no ball "
+                    "meets planes and ball objects only"
                 )
-            found.append((first, second))
+            found.append((first - len(scene.surfaces), second))
     return found
+
+
+def _finds(first: Shape, second: Shape) -> bool:
+    """Whether the corners of the first find all contacts with the second."""
+    first, second = _core(first), _core(second)
+    return isinstance(first, Sphere) or (isinstance(second, Plane) and not isinstance(first, Plane))
 
 
 def _core(shape: Shape) -> Shape:

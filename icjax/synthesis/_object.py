@@ -7,11 +7,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from icjax.geometry import Shape
+from icjax.geometry import MassProperties, Shape
 from icjax.spatial import (
     Pose,
     left_jacobian_inverse,
     quaternion_exp,
+    quaternion_log,
     quaternion_multiply,
     quaternion_to_rotation,
     rotation_to_quaternion,
@@ -25,16 +26,17 @@ _ITERATIONS = 4  # of Newton's method for the spin; each leaves (h omega)^2 / 6 
 
 
 class Object(eqx.Module):
-    """A free rigid body.
+    """A rigid body: free, or driven along a path (`Target.path`) whatever it meets; without a path it stays.
 
     **Arguments**
 
     - `name`; `shape` in the frame of the body; `friction` Coulomb's coefficient with the pads.
-    - `mass` kg, or `density` kg/m3: one of them.
+    - `mass` kg, or `density` kg/m3: one of them, none of a driven object.
     - `com` centre of mass, m, and `inertia` about it, kg m2, both in the frame of the body; by default those of the
       shape, filled evenly.
     - `pose` of its frame in the world at the start, `velocity` of its centre of mass (m/s) and `angular_velocity`
       (rad/s) then, world axes; default at rest at the origin.
+    - `driven`: it goes where it is told to.
 
     **Errors**: `ValueError` for a mass that is not positive, an inertia that no body has, an impossible shape or
     friction, numbers that are not finite or too few; `TypeError` for what is no shape or pose.
@@ -49,6 +51,7 @@ class Object(eqx.Module):
     pose: Pose
     velocity: Vector3
     angular_velocity: Vector3
+    driven: bool = eqx.field(static=True)
 
     def __init__(
         self,
@@ -63,15 +66,22 @@ class Object(eqx.Module):
         pose: Pose | None = None,
         velocity: Any = (0.0, 0.0, 0.0),
         angular_velocity: Any = (0.0, 0.0, 0.0),
+        driven: bool = False,
     ):
-        if (mass is None) == (density is None):
+        if driven and not (mass is None and density is None and inertia is None):
+            raise ValueError(f"object {name!r}: a driven object has no mass; got {mass or density or inertia}")
+        if not driven and (mass is None) == (density is None):
             raise ValueError(f"object {name!r}: give its mass (kg) or its density (kg/m3)")
         if not isinstance(shape, Shape):
             raise TypeError(f"object {name!r}: {shape!r} is no shape of icjax.geometry")
         if pose is not None and not isinstance(pose, Pose):
             raise TypeError(f"object {name!r}: its pose must be an icjax.spatial.Pose; got {pose!r}")
-        check_size(f"object {name!r}: {'density' if mass is None else 'mass'}", density if mass is None else mass, ())
-        even = shape.mass_properties()
+        if driven:  # nothing that follows depends on the numbers
+            even, mass = MassProperties(jnp.ones(()), jnp.zeros(3), jnp.eye(3)), 1.0
+        else:
+            stated = "density" if mass is None else "mass"
+            check_size(f"object {name!r}: {stated}", density if mass is None else mass, ())
+            even = shape.mass_properties()
         if mass is None:
             mass = density * even.volume
         self.name, self.shape = name, shape
@@ -80,6 +90,7 @@ class Object(eqx.Module):
         self.inertia = jnp.asarray(self.mass / even.volume * even.inertia if inertia is None else inertia, float)
         self.pose = Pose.identity() if pose is None else jax.tree.map(lambda x: jnp.asarray(x, float), pose)
         self.velocity, self.angular_velocity = jnp.asarray(velocity, float), jnp.asarray(angular_velocity, float)
+        self.driven = driven
 
     def __check_init__(self):
         what = f"object {self.name!r}"
@@ -103,8 +114,9 @@ class Object(eqx.Module):
 
     def describe(self) -> dict[str, Any]:
         """Its numbers, for JSON."""
-        listed = {name: np.asarray(getattr(self, name)).tolist() for name in ("friction", "mass", "com", "inertia")}
-        return {"name": self.name, **listed, **described(self.shape)}
+        names = ("friction",) if self.driven else ("friction", "mass", "com", "inertia")
+        listed = {name: np.asarray(getattr(self, name)).tolist() for name in names}
+        return {"name": self.name, "driven": self.driven, **listed, **described(self.shape)}
 
 
 class Motion(NamedTuple):
@@ -125,6 +137,22 @@ def at_start(item: Object) -> Motion:
     R = item.pose.rotation
     momentum = R @ (item.inertia @ (R.T @ item.angular_velocity))
     return Motion(item.pose.position, rotation_to_quaternion(R), item.velocity, momentum)
+
+
+def object_admittance(
+    item: Object, motion: Motion, gravity: Vector3, wrench: Float[Real, "6"], path: Float[Real, "7"] | None, h: float
+) -> Admittance:
+    """Of a free object [`rigid_admittance`]; a driven one moves to `path` (None: stays) and yields to nothing."""
+    if not item.driven:
+        return rigid_admittance(item, motion, gravity, wrench, h)
+    dtype = motion.position.dtype
+    if path is None:
+        return Admittance(free=jnp.zeros(6, dtype), matrix=jnp.zeros((6, 6), dtype))
+    there = path[3:] / jnp.sqrt(jnp.sum(path[3:] ** 2))
+    turn = quaternion_multiply(there, motion.quaternion * jnp.array([1.0, -1.0, -1.0, -1.0], dtype))
+    centre = motion.pose().apply(item.com)
+    moved = path[:3] + quaternion_to_rotation(there) @ item.com - centre
+    return Admittance(free=jnp.concatenate([quaternion_log(turn), moved]), matrix=jnp.zeros((6, 6), dtype))
 
 
 def rigid_admittance(item: Object, motion: Motion, gravity: Vector3, wrench: Float[Real, "6"], h: float) -> Admittance:
@@ -157,7 +185,8 @@ def advanced(item: Object, motion: Motion, moved: Float[Real, "6"], wrench: Floa
     quaternion = quaternion_multiply(quaternion_exp(moved[:3]), motion.quaternion)
     quaternion = quaternion / jnp.sqrt(jnp.sum(quaternion**2))
     position = centre - quaternion_to_rotation(quaternion) @ item.com
-    return Motion(position, quaternion, moved[3:] / h, motion.angular_momentum + h * wrench[:3])
+    momentum = motion.angular_momentum if item.driven else motion.angular_momentum + h * wrench[:3]
+    return Motion(position, quaternion, moved[3:] / h, momentum)
 
 
 def _spin(inertia: Matrix3, inverse: Matrix3, momentum: Vector3, h: float) -> Vector3:

@@ -40,11 +40,14 @@ class Scene(eqx.Module):
     - `facets`: the number m of tangent pairs of the friction cone (2m facets).
     - `step`: the time step h, s.
     - `gravity`: on objects, m/s2; the quasi-static hand has no weight.
+    - `contacts`: how many contacts a step has room for, by default all that are possible. With fewer, those that carry
+      force keep their place and the nearest others get the rest; a step in which more touch says so (`crowded`).
+    - `limits`: how many joint limits (hinges and slides that are not driven) a step has room for, the nearest ones.
     - `frictions`: of pairs ([`PairFriction`]) that differ from the rule: a pad has the friction of what it touches, of
       two other things the smaller one counts.
 
     **Errors**: `ValueError` for nothing to touch, two things of one name, friction of a pair that is not there,
-    fewer than two facets, or a step below a microsecond.
+    fewer than two facets, no room for a contact, or a step below a microsecond.
     """
 
     name: str = eqx.field(static=True)
@@ -56,6 +59,8 @@ class Scene(eqx.Module):
         default_factory=lambda: np.array([0.0, 0.0, -9.81]), converter=lambda value: jnp.asarray(value, float)
     )
     frictions: tuple[PairFriction, ...] = ()
+    contacts: int | None = eqx.field(static=True, default=None)
+    limits: int = eqx.field(static=True, default=4)
 
     def __check_init__(self):
         names = [thing.name for thing in (*self.surfaces, *self.objects)]
@@ -65,6 +70,10 @@ class Scene(eqx.Module):
             raise ValueError(f"surfaces or objects have one name twice: {', '.join(names)}")
         if not isinstance(self.facets, int) or self.facets < 2:
             raise ValueError(f"facets must be at least 2 (pairs of tangents); got {self.facets}")
+        if self.contacts is not None and not (isinstance(self.contacts, int) and self.contacts >= 1):
+            raise ValueError(f"contacts must be a number of at least 1, or None for all; got {self.contacts}")
+        if not isinstance(self.limits, int) or self.limits < 0:
+            raise ValueError(f"limits must be a number of at least 0; got {self.limits}")
         if not (self.step >= SHORTEST_STEP and np.isfinite(self.step)):
             raise ValueError(f"step must be a positive time of at least {SHORTEST_STEP:g} s; got {self.step}")
         for name in names:
@@ -90,6 +99,8 @@ class Scene(eqx.Module):
                 {"name": item.name, "friction": float(item.friction), **described(item.shape)} for item in self.surfaces
             ],
         }
+        if self.contacts is not None:
+            content["contacts"] = self.contacts
         if self.objects:
             content["gravity"] = np.asarray(self.gravity).tolist()
             content["objects"] = [item.describe() for item in self.objects]

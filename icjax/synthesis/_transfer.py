@@ -13,8 +13,9 @@ from icjax.model import Model, difference, integrate
 from icjax.rollout import Rollout
 from icjax.synthesis._bodies import Target
 from icjax.synthesis._contacts import slot_names
+from icjax.synthesis._policies import Policy
+from icjax.synthesis._rollout import rollout
 from icjax.synthesis._scene import Scene
-from icjax.synthesis._stepper import rollout
 from icjax.typing import Float, Real
 
 
@@ -45,11 +46,17 @@ def resample(
     )
 
 
-def transfer(interaction: Interaction, scene: Scene, progress: Callable[[float], Any] | None = None) -> Rollout:
+def transfer(
+    interaction: Interaction,
+    scene: Scene,
+    progress: Callable[[float], Any] | None = None,
+    policy: Policy | None = None,
+) -> Rollout:
     """Re-enact an interaction on the surfaces and objects of a scene (Section 7, one hand).
 
     **Arguments**: `interaction` compliance and reference trajectory with their model; `scene` surfaces, objects,
-    friction, facets and time step; `progress` called with the fraction done.
+    friction, facets and time step; `progress` called with the fraction done; `policy` what the hand changes on the way
+    (Section 8.1), default nothing.
 
     **Returns**: a `Rollout` with a row every `scene.step` from the first time of the interaction to its last. Steps
     that were not solved are marked in `Rollout.status`.
@@ -65,7 +72,7 @@ def transfer(interaction: Interaction, scene: Scene, progress: Callable[[float],
     time = start + scene.step * np.arange(count)
     samples = Target(reference=interaction.reference, compliance=interaction.compliance)
     targets = resample(*jax.tree.map(jnp.asarray, (model, interaction.time, samples, time)))
-    _, info = rollout(model, scene, targets, progress=progress)
+    _, info = rollout(model, scene, targets, policy=policy, progress=progress)
     found = {name: np.asarray(value) for name, value in vars(info).items()}
     if not scene.objects:
         found = {name: value for name, value in found.items() if not name.startswith("object_")}

@@ -60,7 +60,7 @@ def test_what_no_movement_does_is_suspicious(pressed):
     q[9:] += 2.0
     assert any("jumps by 2" in line for line in told(q=q))
     low = dataclasses.replace(pressed.model, upper=np.asarray(pressed.q).min(axis=0) - 1.0)
-    assert any("beyond its limits" in line and "not part of this simulation" in line for line in told(model=low))
+    assert any("beyond its limits" in line and "no room for its limit" in line for line in told(model=low))
     gap = np.array(pressed.gap)
     gap[4] = -0.5
     assert any("is pressed 500 mm into the surface at" in line for line in told(gap=gap))

@@ -1,0 +1,135 @@
+"""One contact problem for all bodies of a step: which contacts and joint limits take part, and how they are coupled."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from icjax.contact import ContactForces, ContactProblem, contact_frame
+from icjax.model import Model
+from icjax.synthesis._contacts import Contacts, Slots
+from icjax.synthesis._scene import Scene
+from icjax.typing import Bool, Float, Int, Real
+
+PARTING = 0.1
+"""m/s; how fast rigid things that overlap are pushed apart (all at once, a millimetre would become 0.5 m/s)."""
+
+TOUCHING = 1e-9
+"""m or rad; an overlap below it is rounding."""
+
+
+class Coupled(eqx.Module):
+    """The contact problem of a step, and the way from its rows to slots and coordinates.
+
+    **Fields**
+
+    - `problem`: of the contacts and joint limits that take part.
+    - `jacobian`: its rows over the coordinates of hand and objects.
+    - `slots`: the slot of each contact.
+    - `limit_jacobian`: the last rows of `jacobian`, those of the limits.
+    - `crowded`: something that touches has found no place in the problem.
+    """
+
+    problem: ContactProblem
+    jacobian: Float[Real, "row coordinate"]
+    slots: Int[Real, " contact"]
+    limit_jacobian: Float[Real, "limit coordinate"]
+    crowded: Bool[Real, ""]
+
+    def pushed(self, value: ContactForces) -> Float[Real, " coordinate"]:
+        """J^T f of contacts and limits."""
+        return self.jacobian.T @ jnp.concatenate([value.force.reshape(-1), value.limit_force])
+
+    def spread(self, values: Float[Real, "contact ..."] | Int[Real, " contact"], count: int) -> Real:
+        """Values of the contacts in their slots, zero in those that take no part."""
+        return jnp.zeros((count, *values.shape[1:]), values.dtype).at[self.slots].set(values)
+
+
+def coupled(
+    model: Model,
+    scene: Scene,
+    table: Slots,
+    here: Contacts,
+    q: Float[Real, " nq"],
+    pad_force: Float[Real, "slot 3"],
+    free: Float[Real, " coordinate"],
+    admittance: Float[Real, "coordinate coordinate"],
+) -> Coupled:
+    r"""Pose the contact problem of one step (Section 7.1.3), joint limits beside the contacts (Section 8.3).
+
+    $$\Delta u = W f + J \Delta q_{free} - P_t C_p f(k), \qquad W = J A J^T + C_p$$
+
+    The pad's term counts the tangential force from the one already there, so that a stuck finger does not creep;
+    normally the gap is that of the undeformed pad and nothing is subtracted. $P_t$ projects on the tangent plane. Where
+    the scene has room for fewer contacts than there are slots, loaded ones keep their place, and of the others those
+    take part that would be deepest without forces; likewise of the limits.
+
+    **Arguments**: `here` geometry of all slots at `q`; `pad_force` f(k) on the fingers, in the frames of the bodies
+    that carry the pads; `free` and `admittance` of all bodies.
+    """
+    closing = here.gap + jnp.einsum("ia,iad,d->i", here.normal, here.jacobian, free)
+    loaded = jnp.sum(pad_force**2, axis=1) > 0
+    slots, crowded = _places(jnp.where(loaded, -jnp.inf, closing), scene.contacts)
+    friction, compliance = table.friction[slots], table.compliance[slots]
+    padded = jnp.asarray(table.pad >= 0)[slots]
+    here, pad_force = jax.tree.map(lambda values: values[slots], (here, pad_force))
+    limit = _limits(model, scene, q, free, jnp.diag(admittance))
+
+    count, rows = here.gap.shape[0], limit.jacobian.shape[0]
+    J = jnp.concatenate([here.jacobian.reshape(3 * count, -1), limit.jacobian])
+    soft = jnp.concatenate([jnp.repeat(compliance, 3), jnp.zeros(rows, compliance.dtype)])
+    force = jnp.einsum("iab,ib->ia", here.rotation, pad_force)
+    tangential = force - here.normal * jnp.sum(here.normal * force, axis=1, keepdims=True)
+    held = jnp.concatenate([(compliance[:, None] * tangential).reshape(-1), jnp.zeros(rows, force.dtype)])
+    problem = ContactProblem(
+        coupling=J @ admittance @ J.T + jnp.diag(soft),
+        free_displacement=J @ free - held,
+        # Pads are pressed as deep as they are; rigid things part at a speed that is no blow.
+        gap=jnp.where(padded, here.gap, jnp.maximum(here.gap, -PARTING * scene.step)),
+        frames=jax.vmap(contact_frame)(here.normal),
+        friction=friction,
+        active=jnp.ones(count, bool),
+        limit_gap=limit.gap,
+    )
+    return Coupled(problem, J, slots, limit.jacobian, crowded | limit.crowded)
+
+
+def _places(order: Float[Real, " candidate"], room: int | None) -> tuple[Int[Real, " place"], Bool[Real, ""]]:
+    """The candidates with the smallest numbers, in their own order, and whether one below zero is left over."""
+    total = order.shape[0]
+    if room is None or room >= total:
+        return jnp.arange(total), jnp.zeros((), bool)
+    order = lax.stop_gradient(order)
+    chosen = jnp.sort(lax.top_k(-order, room)[1])
+    left = jnp.ones(total, bool).at[chosen].set(False)
+    return chosen, jnp.any(left & (order < -TOUCHING))
+
+
+class _Limits(NamedTuple):
+    gap: Float[Real, " limit"]
+    jacobian: Float[Real, "limit coordinate"]
+    crowded: Bool[Real, ""]
+
+
+def _limits(model: Model, scene: Scene, q: Real, free: Real, yielding: Real) -> _Limits:
+    """Clearances of the limits that are nearest; a driven joint follows its reference beyond them.
+
+    **Arguments**: `yielding` the diagonal of the admittance.
+    """
+    joints = [
+        (coordinate.start, dof.start)
+        for kind, coordinate, dof in zip(model.joint_types, model.coordinate_slices, model.dof_slices, strict=True)
+        if kind in ("hinge", "slide")
+    ]
+    at, dof = (np.array([joint[i] for joint in joints] * 2, int) for i in (0, 1))
+    sign = np.repeat([1.0, -1.0], len(joints))
+    ends = jnp.where(jnp.asarray(sign > 0), jnp.asarray(model.lower)[at], jnp.asarray(model.upper)[at])
+    gap = jnp.where(yielding[dof] > 0, jnp.asarray(sign, q.dtype) * (q[at] - ends), jnp.inf)
+    gap = jnp.where(jnp.isfinite(gap), gap, jnp.inf)  # so that no derivative meets an infinity
+    moved = jnp.asarray(sign, q.dtype) * free[dof]
+    chosen, crowded = _places(jnp.where(jnp.isfinite(gap), gap + moved, jnp.inf), scene.limits)
+    direction = jnp.asarray(sign, q.dtype)[:, None] * jax.nn.one_hot(dof, free.shape[0], dtype=q.dtype)
+    return _Limits(gap[chosen], direction[chosen], crowded)

@@ -1,0 +1,137 @@
+"""Many steps: one scan, with or without a policy."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from icjax.model import Model
+from icjax.running import run
+from icjax.synthesis._bodies import Target
+from icjax.synthesis._contacts import slots
+from icjax.synthesis._object import Object
+from icjax.synthesis._policies import Policy
+from icjax.synthesis._scene import PairFriction, Scene
+from icjax.synthesis._stepper import State, StepInfo, init, step
+from icjax.synthesis._surface import Surface, known
+
+
+class _Step(eqx.Module):
+    """`step` as a callable record: numbers are traced, so another scene of the same form compiles nothing new."""
+
+    model: Model
+    scene: Scene
+    policy: Policy | None
+
+    def __call__(self, carry: tuple[State, Any], target: Target) -> tuple[tuple[State, Any], StepInfo]:
+        state, memory = carry
+        if self.policy is not None:
+            target = self.policy.apply(memory, target)
+        state, info = step(self.model, self.scene, state, target)
+        if self.policy is not None:
+            memory = self.policy.observe(memory, self.model, self.scene, info)
+        return (state, memory), info
+
+
+def rollout(
+    model: Model,
+    scene: Scene,
+    targets: Target,
+    state: State | None = None,
+    policy: Policy | None = None,
+    remember: bool = True,
+    **running,
+) -> tuple[State, StepInfo]:
+    """Step through targets `[time]`, one scan, differentiable in forward and reverse mode in every number.
+
+    **Arguments**: `targets` a row for each time step of length `scene.step`; `state` to start from, by default the
+    first reference with unloaded pads, so that the first row of the result is the solution at the first target;
+    `policy` what the hand changes on the way (Section 8.1), default nothing; `remember` False makes reverse mode
+    compute each step again instead of keeping what it found, for long rollouts; `running` options of
+    [`icjax.running.run`] (progress, cancellation, checkpoint).
+
+    **Returns**: the last state and the stacked [`StepInfo`].
+
+    **Errors**: `ValueError` for a model without pads in a scene without objects, targets of another model or scene, or
+    a scene with contacts that would be missed (see [`Scene`]).
+    """
+    if not (model.pad_names or scene.objects):
+        raise ValueError(f"model {model.name!r} has no contact pads, and the scene no objects")
+    _check_targets(model, scene, targets)
+    slots(model, scene)  # errors with the names that people gave
+    scene = _unnamed(model, scene)
+    model, targets = jax.tree.map(jnp.asarray, (model, targets))
+    if state is None:
+        state = _init(model, scene, targets.reference[0])
+    memory = () if policy is None else policy.init(model, scene)
+    advance: Any = _Step(model, scene, policy)
+    result = run(advance if remember else eqx.filter_checkpoint(advance), (state, memory), targets, **running)
+    return result.carry[0], result.outputs
+
+
+_init = eqx.filter_jit(init)
+
+
+def _check_targets(model: Model, scene: Scene, targets: Target) -> None:
+    reference, compliance = jnp.shape(targets.reference), jnp.shape(targets.compliance)
+    if reference[1:] != (model.nq,) or compliance[1:] not in ((model.nv,), (model.nv, model.nv)):
+        found = reference[1:], compliance[1:]
+        raise ValueError(f"targets must be [time, {model.nq}] and [time, {model.nv}]; got [time, ...] {found}")
+    driven = sum(item.driven for item in scene.objects)
+    for name, value, rows, columns in (
+        ("wrench", targets.wrench, len(scene.objects), 6),
+        ("path", targets.path, driven, 7),
+    ):
+        if value is not None and jnp.shape(value)[1:] != (rows, columns):
+            of = "an object" if name == "wrench" else "a driven object"
+            raise ValueError(f"{name} must be [time, {rows}, {columns}], a row {of}; got {list(jnp.shape(value))}")
+    for name in ("reference", "compliance", "wrench", "path"):
+        value = getattr(targets, name)
+        value = None if value is None else known(value)
+        if value is not None and not np.isfinite(value).all():
+            row = int(np.argmin(np.isfinite(value).all(axis=tuple(range(1, value.ndim)))))
+            raise ValueError(f"targets: {name} is not finite, first in row {row}")
+
+
+def _unnamed(model: Model, scene: Scene) -> Scene:
+    """The same scene without what only people read, so that scenes of one form share a compiled step."""
+    names = [thing.name for thing in (*scene.surfaces, *scene.objects)]
+    number = {name: f"#{index}" for index, name in enumerate(names)}
+    return Scene(
+        name="",
+        surfaces=tuple(Surface(number[item.name], item.shape, item.friction) for item in scene.surfaces),
+        facets=scene.facets,
+        step=scene.step if scene.objects else 0.002,  # a quasi-static hand knows no time
+        objects=tuple(_renamed(item, number[item.name]) for item in scene.objects),
+        gravity=scene.gravity,
+        frictions=tuple(
+            PairFriction((number.get(a, a), number.get(b, b)), pair.friction)
+            for pair in scene.frictions
+            for a, b in [pair.names]
+        ),
+        contacts=scene.contacts,
+        limits=min(scene.limits, _limited(model)),
+    )
+
+
+def _limited(model: Model) -> int:
+    """How many limits the model has, where its numbers are known; as many as there could be, where they are traced."""
+    ends = known(model.lower), known(model.upper)
+    return sum(2 * model.nq if end is None else int(np.isfinite(end).sum()) for end in ends)
+
+
+def _renamed(item: Object, name: str) -> Object:
+    weighed = {} if item.driven else {"mass": item.mass, "inertia": item.inertia}
+    return Object(
+        name,
+        item.shape,
+        item.friction,
+        **weighed,
+        com=item.com,
+        pose=item.pose,
+        velocity=item.velocity,
+        angular_velocity=item.angular_velocity,
+        driven=item.driven,
+    )
