@@ -15,6 +15,7 @@ from icjax.model._edit import mirrored as mirrored
 from icjax.model._edit import part_of as part_of
 from icjax.model._edit import with_pads as with_pads
 from icjax.model._edit import with_sites as with_sites
+from icjax.model._human_hand import human_hand as human_hand
 from icjax.model._index_finger import index_finger as index_finger
 from icjax.model._kinematics import body_jacobian as body_jacobian
 from icjax.model._kinematics import forward_kinematics as forward_kinematics
