@@ -206,7 +206,8 @@ def _spread_frames(
     weight = np.isfinite(markers).all(axis=-1).astype(float)
     distance = np.nan_to_num(np.linalg.norm(markers - poses.predicted, axis=-1))
     error = np.sqrt(np.sum(weight * distance**2, axis=1) / weight.sum(axis=1))
-    usable = np.flatnonzero(poses.converged & (error <= 3 * np.median(error)))
+    settled = poses.converged | ~poses.converged.any()  # on a hand of another size none may; they are only a start
+    usable = np.flatnonzero(settled & (error <= 3 * np.median(error)))
     picked = usable[_farthest(_angles(model, poses.q[usable]), count)]
     return markers[picked], weight[picked], jax.tree.map(lambda item: item[picked], poses)
 

@@ -10,7 +10,7 @@ from icjax.capture._calibration_file import changed_by, read_calibration, read_p
 from icjax.capture._source_file import read_source, windows
 from icjax.capture._spec import ClockSpec, ContactSpec, FilterSpec, SessionSpec, SourceSpec, TrialSpec
 from icjax.files import FileError, Table, read_toml
-from icjax.model import Model, index_finger, load_model
+from icjax.model import Model, human_hand, index_finger, load_model
 from icjax.recording import NORMAL_ONLY, ROLES
 
 PLACEMENT_SD = 0.001
@@ -107,22 +107,29 @@ def _expanded(table: Table, key: str, text: str) -> str:
 
 
 def _model(table: Table, path: Path) -> tuple[Model, str]:
-    builtin = table.choice("builtin", ["index_finger"], None)
+    builtin = table.choice("builtin", ["index_finger", "human_hand"], None)
     file = table.text("file", None)
     hand_length = table.number("hand_length", None, above=0.0)
+    hand_breadth = table.number("hand_breadth", None, above=0.0)
+    side = table.choice("side", ["right", "left"], None)
     root = table.choice("root", ["free", "fixed"], None)
     strip = table.flag("strip", False)
     if (builtin is None) == (file is None):
         raise table.error("needs either the key 'builtin' or the key 'file'")
+    if builtin is None and hand_length is not None:
+        raise table.error("key 'hand_length' belongs to a builtin model, not to a file")
+    for key, value in (("hand_breadth", hand_breadth), ("side", side)):
+        if builtin != "human_hand" and value is not None:
+            raise table.error(f"key '{key}' belongs to the builtin model 'human_hand'")
     if builtin is None:
-        if hand_length is not None:
-            raise table.error("key 'hand_length' belongs to a builtin model, not to a file")
         try:
             source = path.parent / _expanded(table, "file", file)
             return load_model(source, free_root=root == "free", strip=strip), file
         except FileError as error:
             raise table.error(f"key 'file': {error}") from error
     try:
+        if builtin == "human_hand":
+            return human_hand(hand_length or 0.19, hand_breadth, side or "right", root or "compliant"), builtin
         return index_finger(hand_length or 0.19, root or "free"), builtin
     except ValueError as error:
         raise table.error(str(error)) from error

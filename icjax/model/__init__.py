@@ -11,8 +11,11 @@ from icjax.model._dynamics import gravity_torque as gravity_torque
 from icjax.model._dynamics import inverse_dynamics as inverse_dynamics
 from icjax.model._dynamics import mass_matrix as mass_matrix
 from icjax.model._edit import lock_joints as lock_joints
+from icjax.model._edit import mirrored as mirrored
 from icjax.model._edit import part_of as part_of
+from icjax.model._edit import with_pads as with_pads
 from icjax.model._edit import with_sites as with_sites
+from icjax.model._human_hand import human_hand as human_hand
 from icjax.model._index_finger import index_finger as index_finger
 from icjax.model._kinematics import body_jacobian as body_jacobian
 from icjax.model._kinematics import forward_kinematics as forward_kinematics

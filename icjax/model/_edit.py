@@ -1,10 +1,11 @@
-"""A model changed before it is used: sites added, joints locked, a part cut out."""
+"""A model changed before it is used: sites and pads added, joints locked, a part cut out, left made of right."""
 
 import dataclasses
 from collections.abc import Mapping
 
 import numpy as np
 
+from icjax.model._load import PAD_COMPLIANCE
 from icjax.model._model import POSITION_SIZE, VELOCITY_SIZE, Model
 from icjax.spatial import quaternion_to_rotation, rotation_exp
 from icjax.typing import Float, Real
@@ -30,6 +31,63 @@ def with_sites(model: Model, sites: Mapping[str, tuple[str, tuple[float, float, 
         site_names=(*model.site_names, *sites),
         site_bodies=(*model.site_bodies, *(model.body(body) for body, _ in sites.values())),
         site_position=np.concatenate([np.asarray(model.site_position).reshape(-1, 3), places]),
+    )
+
+
+def with_pads(
+    model: Model,
+    pads: Mapping[str, tuple[str, tuple[float, float, float], float]],
+    compliance: float = PAD_COMPLIANCE,
+) -> Model:
+    """The model with more contact pads, for a model file that has none where fingers touch.
+
+    **Arguments**: `pads` body, centre (m, body frame) and radius (m) by the new pad's name; `compliance` of each, m/N.
+
+    **Errors**: `ValueError` for a name that the model already has, an unknown body, a radius that is not positive or
+    a compliance that is negative.
+    """
+    for name, (_, _, radius) in pads.items():
+        if name in model.pad_names:
+            raise ValueError(f"pad {name!r} exists already")
+        if not 0 < radius < np.inf:
+            raise ValueError(f"radius of pad {name!r} is {radius} m; it must be above 0")
+    if not 0 <= compliance < np.inf:
+        raise ValueError(f"compliance is {compliance} m/N; it must be 0 or more")
+    centres = np.array([centre for _, centre, _ in pads.values()], dtype=float).reshape(-1, 3)
+    return dataclasses.replace(
+        model,
+        pad_names=(*model.pad_names, *pads),
+        pad_bodies=(*model.pad_bodies, *(model.body(body) for body, _, _ in pads.values())),
+        pad_centre=np.concatenate([np.asarray(model.pad_centre).reshape(-1, 3), centres]),
+        pad_radius=np.concatenate([np.asarray(model.pad_radius), [radius for _, _, radius in pads.values()]]),
+        pad_compliance=np.concatenate([np.asarray(model.pad_compliance), np.full(len(pads), compliance)]),
+    )
+
+
+def mirrored(model: Model) -> Model:
+    """The model's mirror image in the x-z plane: the left hand of a right one.
+
+    With M = diag(1, -1, 1) points become M p, frames M R M and axes of rotation -M a, so that hinges keep their
+    coordinates: the same angles bring the image of the same posture. Free coordinates (p, w, x, y, z) become
+    (M p, w, -x, y, -z), balls (w, -x, y, -z), their limits and slack coordinates alike. Names stay.
+    """
+    flip = np.array([1.0, -1.0, 1.0])
+    turn = np.outer(flip, flip)
+    slide = np.array([kind == "slide" for kind in model.joint_types], bool).reshape(-1, 1)
+    axis = np.asarray(model.joint_axis).reshape(-1, 3)
+    signs = {"hinge": [1], "slide": [1], "ball": [1, -1, 1, -1], "free": [*flip, 1, -1, 1, -1]}
+    coordinates = np.array([sign for kind in model.joint_types for sign in signs[kind]], dtype=float)
+    return dataclasses.replace(
+        model,
+        **{
+            name: np.asarray(getattr(model, name)).reshape(-1, 3) * flip
+            for name in ("body_position", "body_com", "joint_position", "site_position", "pad_centre")
+        },
+        **{name: np.asarray(getattr(model, name)) * turn for name in ("body_rotation", "body_inertia")},
+        joint_axis=np.where(slide, axis * flip, -axis * flip),
+        zero=np.asarray(model.zero) * coordinates,
+        rest=np.asarray(model.rest) * coordinates,
+        gravity=np.asarray(model.gravity) * flip,
     )
 
 

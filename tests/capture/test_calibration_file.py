@@ -6,7 +6,7 @@ import pytest
 from icjax.capture import read_session
 from icjax.capture._posture import prior_rows
 from icjax.files import FileError
-from icjax.model import index_finger
+from icjax.model import human_hand, index_finger
 
 MARKERS = ("HA1", "HA2", "HA3", "PP1", "MP1", "DP1", "nail")
 TEXT = """
@@ -93,3 +93,32 @@ def test_a_session_without_the_tables_is_as_before(tmp_path):
     spec = read_session(tmp_path / "session.toml")
     assert (spec.calibration, spec.posture) == (None, None)
     assert spec.model.joint_names == index_finger().joint_names
+
+
+HAND = '[model]\nbuiltin = "human_hand"\nhand_length = 0.2\nhand_breadth = 0.09\nside = "left"\n'
+
+
+def test_the_shipped_hand_is_named_with_its_measures_and_side(tmp_path):
+    (tmp_path / "rom.trc").write_text("not read here")
+    (tmp_path / "session.toml").write_text(HAND + '[markers]\nM1 = "index_distal2"\n' + TRIAL)
+    model = read_session(tmp_path / "session.toml").model
+    expected = human_hand(0.2, 0.09, "left")
+    np.testing.assert_array_equal(model.site_position, expected.site_position)
+    np.testing.assert_array_equal(model.compliance, expected.compliance)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"left"', '"both"', r"\[model\] key 'side' must be one of 'right', 'left'"),
+        ("0.09", "0.9", r"\[model\] breadth is 0.9 m; it must lie between 0.3 and 0.6 of the length, 0.2 m"),
+        ("human_hand", "index_finger", r"\[model\] key 'hand_breadth' belongs to the builtin model 'human_hand'"),
+        ('hand_breadth = 0.09\nside = "left"', "", "unknown site 'thumb9'"),
+    ],
+)
+def test_mistakes_about_the_hand_are_named(tmp_path, old, new, message):
+    (tmp_path / "rom.trc").write_text("not read here")
+    text = HAND.replace(old, new, 1) + '[markers]\nM1 = "thumb9"\n' + TRIAL
+    (tmp_path / "session.toml").write_text(text)
+    with pytest.raises(FileError, match=message):
+        read_session(tmp_path / "session.toml")

@@ -14,6 +14,7 @@ from icjax.model import (
     body_jacobian,
     forward_kinematics,
     gravity_torque,
+    human_hand,
     index_finger,
     integrate,
     inverse_dynamics,
@@ -26,6 +27,7 @@ from icjax.model import (
     velocity_map,
     velocity_to_mujoco,
 )
+from icjax.model._human_hand import _mjcf as _hand_mjcf
 from icjax.model._index_finger import _mjcf
 from icjax.model._xml import prepared_xml
 
@@ -112,6 +114,12 @@ def compare(model, compiled, seed):
 def test_index_finger(root):
     for seed in range(3):
         compare(index_finger(0.17, root), mujoco.MjModel.from_xml_string(_mjcf(0.17, root)), seed)
+
+
+def test_human_hand():
+    compiled = mujoco.MjModel.from_xml_string(_hand_mjcf(0.17, 0.08, True))
+    for seed in range(2):
+        compare(human_hand(0.17, 0.08, root="free"), compiled, seed)
 
 
 @pytest.fixture(scope="session")

@@ -1,10 +1,21 @@
-"""Models with sites added, joints locked, or a part cut out move as the whole model does."""
+"""Models with sites or pads added, joints locked, a part cut out, or mirrored move as the whole model does."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from icjax.model import forward_kinematics, load_model, lock_joints, part_of, site_positions, with_sites
+from icjax.model import (
+    forward_kinematics,
+    load_model,
+    lock_joints,
+    mirrored,
+    pad_positions,
+    part_of,
+    site_positions,
+    with_pads,
+    with_sites,
+)
 
 ROUNDING = 1e-12
 """A few products of rotations and lengths of order 1 m."""
@@ -76,6 +87,75 @@ def test_added_sites_ride_on_their_bodies():
     assert more.site_names[-1] == "top"
 
 
+def test_added_pads_ride_on_their_bodies():
+    more = with_pads(MODEL, {"side": ("finger", (0.05, 0.0, 0.0), 0.007), "heel": ("palm", (0.0, 0.0, -0.02), 0.02)})
+    assert more.pad_names == ("pad0", "side", "heel")
+    np.testing.assert_array_equal(more.pad_radius, [0.008, 0.007, 0.02])
+    np.testing.assert_array_equal(more.pad_compliance, np.full(3, 1 / 750))
+    places = np.asarray(pad_positions(more, jnp.asarray(Q)))
+    tip = np.asarray(site_positions(MODEL, jnp.asarray(Q)))[MODEL.site("tip")]
+    np.testing.assert_allclose(places[more.pad("side")], tip, atol=ROUNDING)
+    assert with_pads(MODEL, {"hard": ("palm", (0.0, 0.0, 0.0), 0.01)}, compliance=0.0).pad_compliance[1] == 0.0
+
+
+def test_a_hand_from_a_file_is_given_pads(shared_data):
+    """MyoHand has neither pads nor sphere geoms at its fingertips, but sites there."""
+    with pytest.warns(UserWarning, match="absent include"):
+        hand = load_model(shared_data / "myohand_model" / "hand" / "myohand.xml", strip=True)
+    tips = {"thumb": "THtip", "index": "IFtip", "middle": "MFtip", "ring": "RFtip", "little": "LFtip"}
+    pads = {}
+    for name, site in tips.items():
+        index = hand.site(site)
+        pads[name] = hand.body_names[hand.site_bodies[index]], tuple(hand.site_position[index].tolist()), 0.0075
+    more = with_pads(hand, pads)
+    assert more.pad_names == tuple(tips)
+    q = jnp.asarray(0.5 * (np.asarray(hand.lower) + np.asarray(hand.upper)))
+    places, sites = jax.jit(lambda q: (pad_positions(more, q), site_positions(more, q)))(q)
+    expected = np.asarray(sites)[[hand.site(site) for site in tips.values()]]
+    np.testing.assert_allclose(places, expected, atol=ROUNDING)
+    cut = part_of(more, "proxph2", free_root=True)
+    assert cut.pad_names == ("index",)
+
+
+def test_the_mirror_image_moves_as_a_mirror_shows():
+    tree = load_model(
+        """
+<mujoco><compiler angle="radian"/><option gravity="0 2 -9"/><worldbody>
+  <body name="trunk" pos="0.1 0.2 1" euler="0.1 0.2 0.3"><freejoint name="root"/><geom size="0.1" pos="0 0.05 0"/>
+    <body name="arm" pos="0.3 0.1 0" euler="0.2 0.1 0.4"><joint name="shoulder" type="ball" pos="0.01 0.02 0"/>
+      <geom type="box" size="0.1 0.02 0.03" euler="0.3 0.2 0.1"/>
+      <body name="hand" pos="0.05 -0.1 0"><joint name="slider" type="slide" axis="0.6 0.8 0"/>
+        <joint name="wrist" axis="0 0.6 0.8" pos="0.01 0.02 0.03" ref="0.2" springref="0.3" stiffness="2"/>
+        <geom name="pad0" size="0.01" pos="0.1 0.02 0.03"/><site name="tip" pos="0.05 0.01 0.02"/>
+      </body></body></body>
+</worldbody></mujoco>"""
+    )
+    image = mirrored(tree)
+    flip = np.array([1.0, -1.0, 1.0])
+    signs = np.array([*flip, 1, -1, 1, -1, 1, -1, 1, -1, 1, 1])
+    q = np.random.default_rng(3).normal(size=tree.nq)
+    for part in tree.coordinate_slices[:2]:
+        q[part.stop - 4 : part.stop] /= np.linalg.norm(q[part.stop - 4 : part.stop])
+
+    @jax.jit
+    def seen(model, q):
+        poses = forward_kinematics(model, q)
+        R = poses.rotation
+        inertia = R @ jnp.asarray(model.body_inertia) @ jnp.swapaxes(R, 1, 2)
+        return site_positions(model, q), pad_positions(model, q), poses.position, inertia
+
+    *points, inertia = seen(tree, jnp.asarray(q))
+    *images, image_inertia = seen(image, jnp.asarray(signs * q))
+    for place, other in zip(points, images, strict=True):
+        np.testing.assert_allclose(other, np.asarray(place) * flip, atol=ROUNDING)
+    np.testing.assert_allclose(image_inertia, np.asarray(inertia) * np.outer(flip, flip), atol=ROUNDING)
+    np.testing.assert_array_equal(image.gravity, [0.0, -2.0, -9.0])
+    np.testing.assert_array_equal(image.rest, signs * np.asarray(tree.rest))
+    back = mirrored(image)
+    for name in ("body_position", "body_rotation", "joint_axis", "zero", "site_position"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(tree, name))
+
+
 def test_names_that_do_not_exist_or_exist_twice():
     with pytest.raises(ValueError, match="unknown joint 'elbow'"):
         lock_joints(MODEL, ("elbow",))
@@ -85,3 +165,11 @@ def test_names_that_do_not_exist_or_exist_twice():
         with_sites(MODEL, {"nail": ("thumb", (0.0, 0.0, 0.0))})
     with pytest.raises(ValueError, match="site 'tip' exists already"):
         with_sites(MODEL, {"tip": ("finger", (0.0, 0.0, 0.0))})
+    with pytest.raises(ValueError, match="unknown body 'thumb'"):
+        with_pads(MODEL, {"nail": ("thumb", (0.0, 0.0, 0.0), 0.01)})
+    with pytest.raises(ValueError, match="pad 'pad0' exists already"):
+        with_pads(MODEL, {"pad0": ("finger", (0.0, 0.0, 0.0), 0.01)})
+    with pytest.raises(ValueError, match="radius of pad 'nail' is -0.01 m"):
+        with_pads(MODEL, {"nail": ("finger", (0.0, 0.0, 0.0), -0.01)})
+    with pytest.raises(ValueError, match="compliance is nan m/N"):
+        with_pads(MODEL, {"nail": ("finger", (0.0, 0.0, 0.0), 0.01)}, compliance=float("nan"))
