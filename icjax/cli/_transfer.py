@@ -152,18 +152,19 @@ def rollout_text(rollout) -> str:
     text = f"  {len(rollout.time)} steps, largest force {force.max():.2f} N, in contact {np.mean(force > 0):.0%}"
     if failed.size:
         text += f"\n  {failed.size} steps failed, the first at {float(rollout.time[failed[0]]):.3f} s"
-    return text + "".join(f"\n  {_object_text(rollout, number)}" for number in range(len(rollout.object_names)))
+    return text + "".join(f"\n  {_object_text(rollout, name)}" for name in rollout.object_names)
 
 
-def _object_text(rollout, number: int) -> str:
+def _object_text(rollout, name: str) -> str:
     import numpy as np
 
-    name, place = rollout.object_names[number], np.asarray(rollout.object_position)[:, number]
-    quaternion = np.asarray(rollout.object_quaternion)[:, number]
-    turned = 2 * np.degrees(np.arccos(np.clip(np.abs(quaternion @ quaternion[0]), 0.0, 1.0)))
-    slots = [slot for slot, bodies in enumerate(rollout.slot_bodies()) if bodies[1] == name and rollout.on_hand()[slot]]
-    touched = (np.asarray(rollout.contact_force)[:, slots] != 0).any(axis=(1, 2))
+    from icjax.view import object_course
+
+    course = object_course(rollout, name)
+    tilt = (
+        f"turned {np.degrees(course.turned[-1]):.0f}" if course.ball else f"tilted {np.degrees(course.tilt.max()):.0f}"
+    )
     return (
-        f"{name}: moved {1e3 * np.linalg.norm(place[-1] - place[0]):.1f} mm, turned by at most {turned.max():.0f} "
-        f"degrees, touched by the hand {np.mean(touched):.0%}"
+        f"{name}: moved {1e3 * course.moved[-1]:.1f} mm, lifted {1e3 * course.lifted.max():.1f} mm and {tilt} degrees "
+        f"at most, touched by the hand {np.mean(course.pushed > 0):.0%}"
     )

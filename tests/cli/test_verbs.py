@@ -104,7 +104,7 @@ def test_verbs_follow_each_other(demo, tmp_path, capsys):
     push = ROOT / "experiments" / "scenes" / "push.toml"
     assert main(["transfer", interaction, "--scene", str(push)]) == 0
     told = re.search(
-        r"^  box: moved (\S+) mm, turned by .*, touched by the hand (\d+)%$", capsys.readouterr().out, re.M
+        r"^  box: moved (\S+) mm, lifted .* degrees at most, touched by the hand (\d+)%$", capsys.readouterr().out, re.M
     )
     assert told, "what became of the box is told"
     assert float(told[1]) > 5.0
