@@ -60,6 +60,7 @@ SCENE = """name = "bump"
 step = 0.002
 facets = 4
 friction = 0.9
+gravity = [0, 0, -9.81]
 [[surface]]
 name = "plate"
 shape = "plane"
@@ -72,6 +73,51 @@ centre = [0.0, 0.0, 0.0]
 radii = [0.012, 0.035, 0.003]
 rotation = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
 friction = 0.5
+[[surface]]
+shape = "wedge"
+width = 0.03
+height = 0.04
+depth = 0.02
+tilt_degrees = 5
+position = [0.1, 0, 0.02]
+quaternion = [0.7071, 0.7071, 0, 0]
+[[surface]]
+shape = "capsule"
+radius = 0.01
+half_length = 0.03
+position = [0.2, 0, 0]
+[[object]]
+name = "box"
+shape = "box"
+half_sizes = [0.01, 0.02, 0.03]
+mass = 0.1
+com = [0, 0, -0.01]
+inertia = [[3e-5, 0, 0], [0, 3e-5, 0], [0, 0, 1e-5]]
+position = [0, 0.1, 0.03]
+velocity = [0.1, 0, 0]
+angular_velocity = [0, 0, 1]
+[[object]]
+name = "die"
+shape = "prism"
+outline = [[0, 0], [0.01, 0], [0, 0.01]]
+half_length = 0.01
+density = 1000
+position = [0, 0.2, 0.03]
+[[object]]
+shape = "cylinder"
+radius = 0.01
+half_length = 0.02
+mass = 0.1
+friction = 0.4
+position = [0, 0.3, 0.02]
+[[object]]
+shape = "sphere"
+radius = 0.01
+mass = 0.1
+position = [0, 0.4, 0.01]
+[[pair]]
+names = ["box", "plate"]
+friction = 0.2
 """
 
 SESSION = """name = "small"

@@ -56,6 +56,23 @@ class Rollout(eqx.Module):
         "time", "object", "axis", unit="rad/s", doc="mean over the step, world"
     )
 
+    def slot_bodies(self) -> tuple[tuple[str, str], ...]:
+        """First and second body of every slot; an object's corner is the object.
+
+        **Returns**: of the slot ``cube.3/plate``, for example, (``cube``, ``plate``).
+        """
+        halves = [name.rpartition("/")[::2] for name in self.slot_names]
+        return tuple((self._body(first), self._body(second)) for first, second in halves)
+
+    def on_hand(self) -> tuple[bool, ...]:
+        """Whether the force of a slot acts on the hand; else it acts on an object."""
+        return tuple(first not in self.object_names for first, _ in self.slot_bodies())
+
+    def _body(self, label: str) -> str:
+        if label in self.object_names or label in self.model.pad_names:
+            return label
+        return max((name for name in self.object_names if label.startswith(f"{name}.")), key=len, default=label)
+
     def save(self, path: str | os.PathLike) -> None:
         """Write one labelled netCDF file, complete or not at all."""
         save_record(path, self)

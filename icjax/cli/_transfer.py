@@ -21,7 +21,7 @@ LONGEST_STEP = 0.02
 class Transfer:
     """Simulate the interaction on another surface; write a rollout.
 
-    Give a scene file, or a flat surface with or without a bump under the measured contacts.
+    Give a scene file (surfaces and free objects), or a flat surface with or without a bump under the measured contacts.
     """
 
     interaction: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="INTERACTION.NC")]
@@ -50,12 +50,12 @@ class Transfer:
 
         from icjax.cli._output import Steps
         from icjax.interaction import Interaction
-        from icjax.synthesis import check_rollout, read_scene, transfer
+        from icjax.synthesis import check_rollout, transfer
 
         interaction = Interaction.load(self.interaction)
         if self.scene:
             self._refuse_surface_options()
-            scene = read_scene(self.scene)
+            scene = read_fitting_scene(self.scene, interaction)
         else:
             self._refuse_bump_options()
             scene = self._scene(interaction)
@@ -119,6 +119,19 @@ class Transfer:
                 raise ValueError(f"--{field.name.replace('_', '-')} cannot be given with --scene, which states it")
 
 
+def read_fitting_scene(path: Path, interaction):
+    """A scene file, which must suit the pads of the interaction's model."""
+    from icjax.files import FileError
+    from icjax.synthesis import read_scene, slot_names
+
+    scene = read_scene(path)
+    try:
+        slot_names(interaction.model, scene)
+    except ValueError as error:
+        raise FileError(path, str(error)) from error
+    return scene
+
+
 def _deviation(interaction, rollout) -> float:
     """RMS of simulated less measured vertical force over the RMS of the measured one: the surface is the same."""
     import numpy as np
@@ -130,12 +143,28 @@ def _deviation(interaction, rollout) -> float:
 
 
 def rollout_text(rollout) -> str:
-    """What happened, in two lines."""
+    """What happened to the hand, in two lines, and a line an object."""
     import numpy as np
 
-    force = np.linalg.norm(np.asarray(rollout.contact_force).sum(axis=1), axis=-1)
+    on_hand = np.array(rollout.on_hand())
+    force = np.linalg.norm(np.asarray(rollout.contact_force)[:, on_hand].sum(axis=1), axis=-1)
     failed = np.flatnonzero(np.asarray(rollout.status))
     text = f"  {len(rollout.time)} steps, largest force {force.max():.2f} N, in contact {np.mean(force > 0):.0%}"
     if failed.size:
         text += f"\n  {failed.size} steps failed, the first at {float(rollout.time[failed[0]]):.3f} s"
-    return text
+    return text + "".join(f"\n  {_object_text(rollout, name)}" for name in rollout.object_names)
+
+
+def _object_text(rollout, name: str) -> str:
+    import numpy as np
+
+    from icjax.view import object_course
+
+    course = object_course(rollout, name)
+    tilt = (
+        f"turned {np.degrees(course.turned[-1]):.0f}" if course.ball else f"tilted {np.degrees(course.tilt.max()):.0f}"
+    )
+    return (
+        f"{name}: moved {1e3 * course.moved[-1]:.1f} mm, lifted {1e3 * course.lifted.max():.1f} mm and {tilt} degrees "
+        f"at most, touched by the hand {np.mean(course.pushed > 0):.0%}"
+    )

@@ -10,7 +10,7 @@ from icjax import view
 from icjax.interaction import Interaction
 from icjax.recording import Recording
 from icjax.report._estimates import not_drawn
-from icjax.report._page import Section, absent, figure, folded, pairs, paragraph, player, table
+from icjax.report._page import Section, absent, figure, folded, pairs, paragraph, player, table, text
 from icjax.results import RESULTS
 from icjax.rollout import SLIP_STATES, Rollout
 
@@ -23,8 +23,11 @@ KEY = (
     '<li><i style="background:#e69f00;opacity:.55"></i>reference pose</li>'
     '<li><i style="background:#0072b2"></i>measured force</li>'
     '<li><i style="background:#009e73"></i>simulated force, sticking</li>'
-    '<li><i style="background:#d55e00"></i>simulated force, sliding</li></ul>'
+    '<li><i style="background:#d55e00"></i>simulated force, sliding</li>{}</ul>'
 )
+
+HAND_ONLY = " Forces on objects are further below."
+OUTLINES = " Objects are dashed where they began and filled where they ended."
 
 
 def shown_first(recordings: Recordings, interactions: Interactions) -> tuple[str, Recording | Interaction] | None:
@@ -42,10 +45,10 @@ def view_page(item: Recording | Interaction | Rollout) -> str | None:
     return view.export_scene(item, frames=120) if _has_pose(item) else None
 
 
-def scene(pages: Sequence[tuple[str, str | None]]) -> tuple[Section, str]:
+def scene(pages: Sequence[tuple[str, str | None]], rollouts: Rollouts = ()) -> tuple[Section, str]:
     """The 3-D view: what was measured, then every rollout, behind tabs. Returns the section and its script.
 
-    **Arguments**: `pages` names and what `view_page` made of them.
+    **Arguments**: `pages` names and what `view_page` made of them; `rollouts` whose objects the key names.
     """
     unseen = [name for name, page in pages if page is None]
     shown = [(name, page) for name, page in pages if page is not None]
@@ -62,7 +65,16 @@ def scene(pages: Sequence[tuple[str, str | None]]) -> tuple[Section, str]:
         "forces on the subject, the longer the stronger. The plate under a measured movement is a "
         "level plane through the contact points."
     )
-    return Section("view", heading, paragraph(words) + frame + KEY + missing), script
+    colours = dict.fromkeys(
+        (name, view.object_colour(number)) for item in rollouts for number, name in enumerate(item.object_names)
+    )
+    if colours:
+        words += (
+            " Forces of surfaces and other objects on an object are drawn as well, those of one pair as one arrow, cut "
+            "where they exceed the largest on the subject."
+        )
+    key = KEY.format("".join(f'<li><i style="background:{colour}"></i>{text(name)}</li>' for name, colour in colours))
+    return Section("view", heading, paragraph(words) + frame + key + missing), script
 
 
 def _has_pose(item: Recording | Interaction | Rollout) -> bool:
@@ -130,15 +142,17 @@ def forces(interactions: Interactions, rollouts: Rollouts) -> Section:
     if not rollouts:
         return Section("forces", heading, absent("No rollout was given, so nothing was transferred."))
     measured = interactions[0] if interactions else None
+    with_objects = any(item.object_names for item in rollouts)
     body = figure(
         view.svg(view.plot_forces(measured, tuple(rollouts)), "forces", "contact forces before and after transfer"),
-        "As in Figure 4: contact force on each new surface over the force measured on the original one.",
+        "As in Figure 4: contact force on each new surface over the force measured on the original one."
+        + (HAND_ONLY if with_objects else ""),
     )
     if any(_has_pose(item) for item in (*interactions[:1], *rollouts)):
         body += figure(
             view.svg(view.plot_path(measured, tuple(rollouts)), "path", "path of the fingertip over each surface"),
             "Lowest point of the undeformed fingertip, seen from the side; below the surface the soft pad is pressed "
-            "in. Heights are those of the world.",
+            "in. Heights are those of the world." + (OUTLINES if with_objects else ""),
         )
     else:
         body += absent("No frame has a pose, so there is no path to show.")
@@ -156,12 +170,13 @@ def rollout_table(rollouts: Rollouts) -> Section:
             "sticking", "sliding"]  # fmt: skip
     rows, causes = [], []
     for item in rollouts:
-        status, state = np.asarray(item.status), np.asarray(item.slip_state)
+        on_hand = np.array(item.on_hand())
+        status, state = np.asarray(item.status), np.asarray(item.slip_state)[:, on_hand]
         failed = np.flatnonzero(status != 0)
         closed = max(int((state > 0).any(axis=1).sum()), 1)
         share = [(state == SLIP_STATES.index(name)).any(axis=1).sum() / closed for name in ("sticking", "sliding")]
         rows.append([view.scene_name(item), str(len(status)), str(len(failed)), _largest(item.residual, ".1e"),
-                     _largest(item.equilibrium_error, ".1e"), _deepest(item.gap),
+                     _largest(item.equilibrium_error, ".1e"), _deepest(np.asarray(item.gap)[:, on_hand]),
                      f"{share[0]:.0%}", f"{share[1]:.0%}"])  # fmt: skip
         causes += [[view.scene_name(item), f"{float(item.time[k]):.3f}", _cause(int(status[k]))] for k in failed[:20]]
         if len(failed) > 20:

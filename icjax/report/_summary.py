@@ -123,6 +123,11 @@ def cautions(interactions: Interactions, rollouts: Rollouts, simulated: bool | N
             "The transfer is quasi-static: no inertia and no damping. Expect the largest errors in the first 100 ms of "
             "a contact."
         )
+        if any(item.object_names for item in rollouts):
+            points.append(
+                "That is said of the hand: objects have inertia and are rigid. A hand that would carry on with its own "
+                "momentum gives way at once, and blows last one time step."
+            )
         failed = sum(int((np.asarray(item.status) != 0).sum()) for item in rollouts)
         if failed:
             steps = _count(failed, "simulation step")

@@ -13,6 +13,7 @@ from icjax.files import FileError
 from icjax.interaction import Interaction
 from icjax.recording import Recording, Session
 from icjax.report._estimates import compliance, contact
+from icjax.report._objects import objects
 from icjax.report._page import note, page, paragraph, text, tiles
 from icjax.report._sections import forces, motion, provenance, rollout_table, scene, shown_first, view_page
 from icjax.report._summary import cautions, is_simulated, key_figures, lead
@@ -39,9 +40,9 @@ def write_report(
 
     The page opens from disk without a network and holds everything itself: a 3-D view with a time bar, the
     compliance table with intervals and counts, its sensitivity to windows and degree, joint angle and torque at
-    contact (Figure 3), measured and
-    reference angles, forces before and after transfer (Figure 4), diagnostics of every rollout, warnings, and
-    where the numbers come from. What is not given is said to be absent.
+    contact (Figure 3), measured and reference angles, forces before and after transfer (Figure 4), what became of
+    objects, diagnostics of every rollout, warnings, and where the numbers come from. What is not given is said to be
+    absent.
 
     **Arguments**
 
@@ -123,11 +124,12 @@ class Report:
         name = self._name or next((item.name for item in (*interactions, *rollouts)), "nothing")
         if not self._sections:
             self.measured()
-        transferred = self._drawn(forces, interactions, rollouts)
-        frame, script = scene([(name, drawn.result()) for name, drawn in self._views])
+        transferred = [self._drawn(forces, interactions, rollouts), self._drawn(objects, rollouts)]
+        frame, script = scene([(name, drawn.result()) for name, drawn in self._views], rollouts)
+        found = [drawn.result() for drawn in (*self._sections, *transferred)]
         sections = [
             frame,
-            *(drawn.result() for drawn in (*self._sections, transferred)),
+            *(section for section in found if section is not None),
             rollout_table(rollouts),
             provenance(recordings, interactions, rollouts, metrics, versions or installed_versions(), seed),
         ]

@@ -23,6 +23,12 @@ JUMP = 0.5
 BEYOND = 0.2
 """rad or m beyond a joint's limits."""
 
+OVERLAP = 5e-4
+"""m; rigid things that overlap more than this at the start were put there by mistake."""
+
+LOST = 1.0
+"""m below its start: an object has left the laboratory."""
+
 
 def check_rollout(rollout: Rollout) -> list[str]:
     """Lines about a stored rollout: what it holds, then lines that begin with "suspicious: " and "error: ".
@@ -32,17 +38,23 @@ def check_rollout(rollout: Rollout) -> list[str]:
     """
     failed = np.asarray(rollout.status) != 0
     lines = [
-        f"rollout '{rollout.name}': {len(rollout.time)} steps, slots {', '.join(rollout.slot_names)}; "
+        f"rollout '{rollout.name}': {len(rollout.time)} steps, contacts {_listed(rollout)}; "
         f"{int(failed.sum())} steps not solved, largest residual of the others "
         f"{float(np.max(np.asarray(rollout.residual)[~failed], initial=0.0)):.2g}"
     ]
     return lines + [f"{kind}: rollout '{rollout.name}': {text}" for kind, text in _findings(rollout, ~failed)]
 
 
+def _listed(rollout: Rollout) -> str:
+    """Who may touch whom, the corners of an object together."""
+    return ", ".join(dict.fromkeys("/".join(filter(None, bodies)) for bodies in rollout.slot_bodies()))
+
+
 def _findings(rollout: Rollout, solved: np.ndarray) -> Iterator[tuple[str, str]]:
     if not solved.all():
         yield "suspicious", f"{int((~solved).sum())} steps are not solved, the first at {rollout.time[~solved][0]:g} s"
     yield from _implausible(rollout, solved)
+    yield from _implausible_objects(rollout)
     force, normal = np.asarray(rollout.contact_force)[solved], np.asarray(rollout.contact_normal)[solved]
     if not np.isfinite(force).all():
         yield "error", "contact_force is not finite in a solved step"
@@ -53,19 +65,17 @@ def _findings(rollout: Rollout, solved: np.ndarray) -> Iterator[tuple[str, str]]
         yield "error", "a contact pulls in a solved step"
     scene = json.loads(rollout.scene)
     sliding = np.linalg.norm(force - pressing[:, :, None] * normal, axis=2)
-    for slot, name in enumerate(rollout.slot_names):
-        friction = _friction(scene, name)
+    for slot, (name, bodies) in enumerate(zip(rollout.slot_names, rollout.slot_bodies(), strict=True)):
+        friction = _friction(scene, *bodies)
         if friction is None:
             yield "error", f"slot '{name}' names no surface or object of the scene"
         elif np.any(sliding[:, slot] > friction * pressing[:, slot] * (1 + CONE) + CONE * max(size, 1e-12)):
             yield "error", f"a force of slot '{name}' leaves the friction cone of {friction:g}"
 
 
-def _friction(scene: dict, slot: str) -> float | None:
-    """Of the pair that a slot names, None where the scene does not know its second body."""
-    first, _, second = slot.rpartition("/")
+def _friction(scene: dict, first: str, second: str) -> float | None:
+    """Of a pair of bodies, None where the scene does not know the second one."""
     things = {item["name"]: float(item["friction"]) for item in [*scene["surfaces"], *scene.get("objects", [])]}
-    first = next((name for name in things if name in (first, first.rpartition(".")[0])), first)
     for pair in reversed(scene.get("frictions", [])):
         if set(pair["names"]) == {first, second}:
             return float(pair["friction"])
@@ -110,3 +120,22 @@ def _implausible(rollout: Rollout, solved: np.ndarray) -> Iterator[tuple[str, st
             f"{rollout.slot_names[slot]} is pressed {-1e3 * gap[row, slot]:.0f} mm into the surface at {time[row]:g} "
             "s, deeper than a pad is thick",
         )
+
+
+def _implausible_objects(rollout: Rollout) -> Iterator[tuple[str, str]]:
+    """Objects that begin inside something, or fall without end."""
+    gap, told = np.asarray(rollout.gap)[0], set()
+    for slot in np.argsort(gap):
+        bodies, on_hand = rollout.slot_bodies()[slot], rollout.on_hand()[slot]
+        if not on_hand and gap[slot] < -OVERLAP and bodies not in told:
+            told.add(bodies)
+            yield "suspicious", f"{bodies[0]} begins {-1e3 * gap[slot]:.2g} mm inside {bodies[1]}: see its position"
+    if rollout.object_position is None:
+        return
+    gravity = np.asarray(json.loads(rollout.scene).get("gravity", (0.0, 0.0, 0.0)), float)
+    if not gravity.any():
+        return
+    moved = np.asarray(rollout.object_position) - np.asarray(rollout.object_position)[:1]
+    for name, fallen in zip(rollout.object_names, (moved @ gravity / np.linalg.norm(gravity)).T, strict=True):
+        if fallen[-1] > LOST:
+            yield "suspicious", f"{name} has fallen {fallen[-1]:.2g} m: is there a surface under it?"

@@ -4,6 +4,7 @@ from abc import abstractmethod
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -75,7 +76,7 @@ class GripTightening(Policy):
         """One step later."""
         share, past = memory
         force, held = _on_objects(model, scene, info)
-        slid = jnp.any(held & (info.slip_state == SLIDING) & (safe_norm(force) > self.least_force))
+        slid = jnp.any(held & (info.slip_state == SLIDING) & (_lengths(force) > self.least_force))
         share = _shrunk(share, past[0], self.rate, self.floor, scene.step)
         return share, jnp.concatenate([past[1:], slid[None]])
 
@@ -115,18 +116,21 @@ class ImminentSlip(Policy):
         """One step later."""
         force, held = _on_objects(model, scene, info)
         normal = jnp.sum(force * info.contact_normal, axis=1)
-        tangential = safe_norm(force - normal[:, None] * info.contact_normal)
+        tangential = _lengths(force - normal[:, None] * info.contact_normal)
         friction = slots(model, scene).friction
         near = tangential > self.threshold * friction * normal
-        return _shrunk(
-            memory, jnp.any(held & near & (safe_norm(force) > self.least_force)), self.rate, self.floor, scene.step
-        )
+        slips = jnp.any(held & near & (_lengths(force) > self.least_force))
+        return _shrunk(memory, slips, self.rate, self.floor, scene.step)
 
 
 def _on_objects(model: Model, scene: Scene, info: StepInfo) -> tuple[Float[Real, "slot 3"], np.ndarray]:
     """Forces, and which slots are those of fingertips on objects."""
     table = slots(model, scene)
     return info.contact_force, (table.pad >= 0) & (table.second >= 0)
+
+
+def _lengths(vectors: Float[Real, "slot 3"]) -> Float[Real, " slot"]:
+    return jax.vmap(safe_norm)(vectors)
 
 
 def _shrunk(share: Scalar, when: Bool[Real, ""], rate: Any, floor: Any, h: float) -> Scalar:

@@ -26,6 +26,9 @@ class _Step(eqx.Module):
     policy: Policy | None
 
     def __call__(self, carry: tuple[State, Any], target: Target) -> tuple[tuple[State, Any], StepInfo]:
+        return jax.checkpoint(_Step._stepped)(self, carry, target)
+
+    def _stepped(self, carry: tuple[State, Any], target: Target) -> tuple[tuple[State, Any], StepInfo]:
         state, memory = carry
         if self.policy is not None:
             target = self.policy.apply(memory, target)
@@ -41,16 +44,17 @@ def rollout(
     targets: Target,
     state: State | None = None,
     policy: Policy | None = None,
-    remember: bool = True,
     **running,
 ) -> tuple[State, StepInfo]:
     """Step through targets `[time]`, one scan, differentiable in forward and reverse mode in every number.
 
     **Arguments**: `targets` a row for each time step of length `scene.step`; `state` to start from, by default the
     first reference with unloaded pads, so that the first row of the result is the solution at the first target;
-    `policy` what the hand changes on the way (Section 8.1), default nothing; `remember` False makes reverse mode
-    compute each step again instead of keeping what it found, for long rollouts; `running` options of
+    `policy` what the hand changes on the way (Section 8.1), default nothing; `running` options of
     [`icjax.running.run`] (progress, cancellation, checkpoint).
+
+    Reverse mode keeps the state of every step and computes the step again, which takes less time here than keeping
+    what it found, and little memory.
 
     **Returns**: the last state and the stacked [`StepInfo`].
 
@@ -66,8 +70,7 @@ def rollout(
     if state is None:
         state = _init(model, scene, targets.reference[0])
     memory = () if policy is None else policy.init(model, scene)
-    advance: Any = _Step(model, scene, policy)
-    result = run(advance if remember else eqx.filter_checkpoint(advance), (state, memory), targets, **running)
+    result = run(_Step(model, scene, policy), (state, memory), targets, **running)
     return result.carry[0], result.outputs
 
 

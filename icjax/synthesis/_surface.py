@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
-from icjax.geometry import Placed, Plane, Shape
+from icjax.geometry import Ellipsoid, Placed, Plane, Shape
 from icjax.typing import Float, Real
 
 MOST_FRICTION = 20.0
@@ -95,10 +95,16 @@ def _check_numbers(what: str, fields: dict[str, Any]) -> None:
 
 
 def described(shape: Shape) -> dict[str, Any]:
-    """The shape in words and numbers, for JSON."""
+    """The shape in words and numbers, for JSON; where an ellipsoid or a plane is placed, its own numbers say."""
     if isinstance(shape, Placed):
-        place = {"position": _listed(shape.pose.position), "rotation": _listed(shape.pose.rotation)}
-        return {**described(shape.shape), **place}
+        inner, pose = shape.shape, shape.pose
+        if isinstance(inner, Placed):
+            return described(Placed(inner.shape, pose @ inner.pose))
+        if isinstance(inner, Ellipsoid):
+            return described(Ellipsoid(pose.apply(inner.centre), pose.rotation @ inner.rotation, inner.radii))
+        if isinstance(inner, Plane):
+            return described(Plane(pose.apply(inner.point), pose.rotation @ inner.normal_direction))
+        return {**described(inner), "position": _listed(pose.position), "rotation": _listed(pose.rotation)}
     if isinstance(shape, Plane):
         return {"shape": "plane", "point": _listed(shape.point), "normal": _listed(shape.normal(shape.point))}
     numbers = {field.name: _listed(getattr(shape, field.name)) for field in dataclasses.fields(shape)}

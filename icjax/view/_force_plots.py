@@ -1,6 +1,5 @@
 """Contact forces before and after the interaction is carried to another surface."""
 
-import json
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,14 +20,14 @@ from icjax.view._style import (
     styled,
     thinned,
 )
-from icjax.view._surfaces import scene_name
+from icjax.view._surfaces import scene_content, scene_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
 def force_components(record: Recording | Interaction | Rollout) -> tuple[np.ndarray, np.ndarray]:
-    """Total normal force and size of the total tangential force over time.
+    """Total normal force on the hand and size of its total tangential force over time.
 
     In a rollout the normals are those of its contacts; a measured record does not know the surface, so its
     normal is the vertical (a level plate).
@@ -37,7 +36,9 @@ def force_components(record: Recording | Interaction | Rollout) -> tuple[np.ndar
     """
     force = np.nan_to_num(np.asarray(record.contact_force, dtype=float))
     if isinstance(record, Rollout):
-        normal = np.nan_to_num(np.asarray(record.contact_normal, dtype=float))
+        on_hand = np.array(record.on_hand())
+        normal = np.nan_to_num(np.asarray(record.contact_normal, dtype=float))[:, on_hand]
+        force = force[:, on_hand]
     else:
         normal = np.broadcast_to(up_direction(record.model), force.shape)
     size = np.sum(force * normal, axis=-1)
@@ -45,12 +46,13 @@ def force_components(record: Recording | Interaction | Rollout) -> tuple[np.ndar
     return size.sum(axis=1), np.linalg.norm(tangential, axis=-1)
 
 
-def stated_friction(scene: str) -> float | None:
-    """The friction coefficient of a scene when all its surfaces share one, else None."""
-    try:
-        content = json.loads(scene) if scene else {}
-    except json.JSONDecodeError:
-        return None
+def stated_friction(scene: str, pads: tuple[str, ...] = ()) -> float | None:
+    """The friction coefficient of a scene when all that the pads may touch shares one, else None.
+
+    Of the pairs with a friction of their own, those with a pad count.
+    """
+    content = dict(scene_content(scene))
+    content["frictions"] = [pair for pair in content.get("frictions", ()) if set(pair["names"]) & set(pads)]
     found: set[float] = set()
 
     def collect(value: Any) -> None:
@@ -72,7 +74,7 @@ def stated_friction(scene: str) -> float | None:
 
 @styled
 def plot_forces(interaction: Interaction | None, rollouts: tuple[Rollout, ...]) -> "Figure":
-    """Normal and tangential contact force after transfer over the measured ones, as in Figure 4.
+    """Normal and tangential contact force on the hand after transfer over the measured ones, as in Figure 4.
 
     One column a rollout. Dotted: the friction bound mu times the normal force, where the scene states one mu.
     The strip below says whether the contact was open, sticking or sliding.
@@ -116,11 +118,11 @@ def _draw_rollout(normal_axis: Any, tangent_axis: Any, strip: Any, rollout: Roll
     normal, tangential = (values[kept] for values in force_components(rollout))
     normal_axis.plot(time, normal, color=colour, lw=1.4, label="simulated")
     tangent_axis.plot(time, tangential, color=colour, lw=1.4)
-    friction = stated_friction(rollout.scene)
+    friction = stated_friction(rollout.scene, rollout.model.pad_names)
     if friction is not None:
         tangent_axis.plot(time, friction * normal, color=INK, lw=0.8, ls=":", label=f"μ × normal, μ = {friction:g}")
         legend_above(tangent_axis)
-    state = np.asarray(rollout.slip_state)[kept].max(axis=1, initial=0)
+    state = np.asarray(rollout.slip_state)[kept][:, np.array(rollout.on_hand())].max(axis=1, initial=0)
     for value, shade in ((1, STICKING), (2, SLIDING)):
         strip.fill_between(time, 0.0, 1.0, where=state == value, color=shade, lw=0, step="post")
 

@@ -1,6 +1,6 @@
 """Where the joints and the fingertip went, and where they meant to go."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -8,23 +8,27 @@ from icjax.interaction import Interaction
 from icjax.recording import Recording
 from icjax.rollout import Rollout
 from icjax.typing import Real
+from icjax.view._objects import Moving, moving, upward
 from icjax.view._skeleton import pad_path, scalar_joints, up_direction
+from icjax.view._solids import silhouette
 from icjax.view._style import (
     CONTACT,
     INK,
     MEASURED,
     REFERENCE,
     SIMULATED,
-    SURFACE,
     legend_above,
     new_figure,
     styled,
     thinned,
 )
-from icjax.view._surfaces import Shape, profile, scene_name, scene_surfaces, touched_plane
+from icjax.view._surfaces import Shape, draw_ground, profile, scene_name, scene_surfaces, touched_plane
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+BESIDE = 0.1
+"""m beyond the fingertip's path within which objects are kept in its picture."""
 
 TOUCH_FORCE = 0.05
 """N; above this a measured force counts as contact when a figure shades intervals."""
@@ -87,28 +91,30 @@ def plot_path(interaction: Interaction | None, rollouts: tuple[Rollout, ...] = (
     """Path of the fingertip over each surface, seen from the side; both axes in mm at the same scale.
 
     The lines are the pad's lowest point (its centre less its radius along the vertical); a pad pressed into a
-    surface therefore runs slightly below it. Heights are those of the world, along its vertical.
+    surface therefore runs slightly below it. Heights are those of the world, along its vertical. Fixed solids are cut
+    in the plane of the path; objects are seen from the side, dashed where they began and filled where they ended.
 
     **Errors**: `ValueError` where there is neither an interaction nor a rollout, or no frame has a pose.
     """
     if interaction is None and not rollouts:
         raise ValueError("nothing to draw: give an interaction or at least one rollout")
     model = interaction.model if interaction is not None else rollouts[0].model
-    up = up_direction(model)
+    up = next((upward(item) for item in rollouts if item.object_names), up_direction(model))
     drop = (float(model.pad_radius[0]) if len(model.pad_names) else 0.0) * up
     measured = None if interaction is None else pad_path(model, interaction.q[thinned(len(interaction.q))]) - drop
-    panels: list[tuple[str, tuple[Shape, ...], np.ndarray | None, str]] = [
-        (
+    panels: list[_Panel] = [
+        _Panel(
             scene_name(item),
             scene_surfaces(item.scene),
             pad_path(item.model, item.q[thinned(len(item.q))]) - drop,
             SIMULATED[i % len(SIMULATED)],
+            moving(item, np.array([0, -1])),
         )
         for i, item in enumerate(rollouts)
     ]
     if not panels and interaction is not None:
-        panels = [(interaction.name, touched_plane(interaction), None, MEASURED)]
-    paths = [path for path in (measured, *(panel[2] for panel in panels)) if path is not None]
+        panels = [_Panel(interaction.name, touched_plane(interaction), None, MEASURED, ())]
+    paths = [path for path in (measured, *(panel.path for panel in panels)) if path is not None]
     everything = np.concatenate(paths)
     everything = everything[np.isfinite(everything).all(axis=1)]
     if not len(everything):
@@ -118,23 +124,38 @@ def plot_path(interaction: Interaction | None, rollouts: tuple[Rollout, ...] = (
     origin = origin - up * (origin @ up)
 
     distance, levels = (everything - origin) @ along, (everything - origin) @ up
-    reach = np.linspace(distance.min() - 0.01, distance.max() + 0.01, 400)
-    heights = [profile(panel[1], origin, along, up, reach) for panel in panels]
+    start, stop = distance.min() - 0.01, distance.max() + 0.01
+    outlines = [panel.outlines(origin, along, up) for panel in panels]
+    highest = [float(levels.max())]
+    farthest = start - BESIDE, stop + BESIDE
+    for outline in (outline for found in outlines for outline in found):
+        left, right = outline[:, 0].min() - 0.005, outline[:, 0].max() + 0.005
+        if farthest[0] < right and left < farthest[1]:
+            start, stop = min(start, max(left, farthest[0])), max(stop, min(right, farthest[1]))
+            highest.append(float(outline[:, 1].max()))
+    reach = np.linspace(start, stop, 400)
+    heights = [profile(panel.surfaces, origin, along, up, reach) for panel in panels]
     lowest = [float(np.nanmin(height)) for height in heights if np.isfinite(height).any()]
     floor = min([float(levels.min()), *lowest]) - 0.006
-    ceiling = float(levels.max()) + 0.004
+    ceiling = min(max(highest), float(levels.max()) + BESIDE) + 0.004
     shape = np.clip((ceiling - floor) / (reach[-1] - reach[0]), 0.12, 0.5)
     figure = new_figure(7.6, 0.3 + len(panels) * (0.35 + 6.6 * float(shape)))
     axes = figure.subplots(len(panels), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
-    for axis, height, (title, _, path, colour) in zip(axes, heights, panels, strict=True):
-        axis.fill_between(1e3 * reach, 1e3 * floor, 1e3 * height, color=SURFACE, lw=0)
-        axis.plot(1e3 * reach, 1e3 * height, color="#8C8371", lw=1.0)
+    for axis, panel, found in zip(axes, panels, outlines, strict=True):
+        path = panel.path
+        draw_ground(axis, panel.surfaces, origin, along, up, reach, floor, 1.0)
+        for body, (first, last) in zip(panel.objects, zip(found[::2], found[1::2], strict=True), strict=True):
+            axis.plot(*1e3 * first.T, color=body.colour, lw=0.9, ls=(0, (3, 2)))
+            axis.fill(*1e3 * last.T, facecolor=body.colour, edgecolor=body.colour, alpha=0.4, lw=0.9, zorder=1.5)
+            shown = first if last[:, 0].max() < start or last[:, 0].min() > stop else last
+            middle = 500.0 * (shown.min(axis=0) + shown.max(axis=0))
+            axis.annotate(body.solid.name, middle, color=body.colour, fontsize=8.0, ha="center", va="center")
         if path is not None:
-            axis.plot(*_cut(path, origin, along, up), color=colour, lw=2.0, label="simulated")
+            axis.plot(*_cut(path, origin, along, up), color=panel.colour, lw=2.0, label="simulated")
         if measured is not None:
             dash = "-" if path is None else (0, (3, 2))
             axis.plot(*_cut(measured, origin, along, up), color=MEASURED, lw=1.0, ls=dash, label="measured")
-        axis.set_title(title, color=INK)
+        axis.set_title(panel.title, color=INK)
         axis.set_ylabel("height (mm)")
         axis.set_aspect("equal")
         axis.set_ylim(1e3 * floor, 1e3 * ceiling)
@@ -142,6 +163,21 @@ def plot_path(interaction: Interaction | None, rollouts: tuple[Rollout, ...] = (
         legend_above(axis)
     axes[-1].set_xlabel("distance along the stroke (mm)")
     return figure
+
+
+class _Panel(NamedTuple):
+    """What `plot_path` draws of one record; `objects` at the start and at the end."""
+
+    title: str
+    surfaces: tuple[Shape, ...]
+    path: np.ndarray | None
+    colour: str
+    objects: tuple[Moving, ...]
+
+    def outlines(self, origin: np.ndarray, along: np.ndarray, up: np.ndarray) -> list[np.ndarray]:
+        """Of every object at the start and at the end, seen from the side, m."""
+        views = [body.at(row, body.solid.vertices) - origin for body in self.objects for row in (0, 1)]
+        return [silhouette(np.stack([points @ along, points @ up], axis=1)) for points in views]
 
 
 def _main_direction(points: np.ndarray, up: np.ndarray) -> np.ndarray:

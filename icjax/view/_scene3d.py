@@ -10,15 +10,22 @@ from icjax.interaction import Interaction
 from icjax.recording import Recording
 from icjax.rollout import SLIP_STATES, Rollout
 from icjax.view._extras import require
-from icjax.view._meshes import arrow_meshes, bone_mesh, ruled_lines
-from icjax.view._skeleton import body_poses, bones, up_direction
-from icjax.view._style import MEASURED, REFERENCE, SLIDING, STICKING
-from icjax.view._surfaces import Bump, Shape, bump_mesh, patch_mesh, surfaces_of
+from icjax.view._meshes import arrow_meshes, bone_mesh
+from icjax.view._objects import Moving, moving, upward
+from icjax.view._pairs import largest_force, pair_forces
+from icjax.view._scene_things import add_objects, add_surfaces
+from icjax.view._skeleton import body_poses, bones
+from icjax.view._style import MEASURED, REFERENCE, SLIDING, STICKING, rgb
+from icjax.view._surfaces import Shape, surfaces_of
 
 BODY_COLOUR = (112, 138, 172)
-PLATE_COLOUR = (186, 176, 158)
-BUMP_COLOUR = (166, 150, 122)
 MARKER_COLOUR = (40, 44, 52)
+REACH, LONGEST = 0.5, 0.55
+"""Length of the arrow of the largest force on the hand, and where larger ones on objects are cut, in scene sizes."""
+SPREAD = 1.6
+"""How much larger planes are drawn under objects, which move farther than the hand."""
+SEGMENTS = 3
+"""Segments, counted from the pads, at which a picture with objects looks: the fingers."""
 
 
 class _Frames(NamedTuple):
@@ -32,7 +39,9 @@ class _Frames(NamedTuple):
     force: np.ndarray
     point: np.ndarray
     colour: np.ndarray
+    largest: float
     markers: np.ndarray | None
+    objects: tuple[Moving, ...]
 
 
 def export_scene(
@@ -47,8 +56,8 @@ def export_scene(
 
     The body is drawn as capsules between body origins, translucent so that forces inside it show, the reference
     pose as a fainter ghost of the bodies that differ (a driven root never does), every contact force as an arrow
-    from the contact point, coloured by its slip state in a rollout. Surfaces come from a rollout's scene; with a
-    measured record they are a level patch through the contact points. A server is opened on this machine only
+    from the contact point, coloured by its slip state in a rollout. Surfaces and objects come from a rollout's scene;
+    with a measured record they are a level patch through the contact points. A server is opened on this machine only
     (127.0.0.1, a free port) while the page is made, and closed again.
 
     **Arguments**
@@ -84,23 +93,30 @@ def _pick(record: Recording | Interaction | Rollout, frames: int, rate: float, m
     ghost: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
     if not isinstance(record, Recording):
         ghost = body_poses(record.model, np.asarray(record.reference, dtype=float)[picks])
-    force = np.nan_to_num(np.asarray(record.contact_force, dtype=float)[picks])
-    palette = np.array([_rgb(MEASURED), _rgb(STICKING), _rgb(SLIDING)])
-    state = np.zeros(force.shape[:2], int)
-    if isinstance(record, Rollout):
-        state = np.asarray(record.slip_state)[picks]
-        assert SLIP_STATES.index("sticking") == 1, "the palette follows SLIP_STATES"
+    pairs = pair_forces(record, picks)
+    palette = np.array([rgb(MEASURED), rgb(STICKING), rgb(SLIDING)])
+    assert SLIP_STATES.index("sticking") == 1, "the palette follows SLIP_STATES"
     seen = None
     if markers and isinstance(record, Recording):
         seen = np.asarray(record.markers, dtype=float)[picks]
-    point = np.asarray(record.contact_point, dtype=float)[picks]
-    times = np.asarray(record.time, dtype=float)[picks]
-    return _Frames(times, rotation, position, ghost[0], ghost[1], force, point, palette[state], seen)
+    return _Frames(
+        time=np.asarray(record.time, dtype=float)[picks],
+        rotation=rotation,
+        position=position,
+        ghost_rotation=ghost[0],
+        ghost_position=ghost[1],
+        force=pairs.force,
+        point=pairs.point,
+        colour=palette[pairs.state],
+        largest=largest_force(pairs),
+        markers=seen,
+        objects=moving(record, picks),
+    )
 
 
 def _record_scene(server: Any, record: Recording | Interaction | Rollout, shown: _Frames, shapes: Any) -> str:
     focus, size = _framing(record, shown)
-    up = up_direction(record.model)
+    up = upward(record)
     along = _view_axis(shown, up)
     server.scene.set_up_direction(tuple(up))
     server.scene.configure_default_lights(enabled=True, cast_shadow=False)
@@ -109,10 +125,10 @@ def _record_scene(server: Any, record: Recording | Interaction | Rollout, shown:
     server.initial_camera.position = focus + size * (-2.2 * side + 0.5 * along + 0.8 * up)
     server.initial_camera.fov = 0.6
     server.initial_camera.near = 0.02 * size
-    _add_surfaces(server, shapes, focus, size, along)
+    add_surfaces(server, shapes, focus, size, along, SPREAD if shown.objects else 1.0)
     nodes = _add_body(server, record, "body", BODY_COLOUR, 0.62)
-    largest = float(np.linalg.norm(shown.force, axis=-1).max(initial=0.0))
-    arrows = _Arrows(server, size, 0.5 * size / largest if largest > 0 else 0.0, shown.colour)
+    arrows = _Arrows(server, size, REACH * size / shown.largest, shown.colour)
+    placed = add_objects(server, shown.objects)
     quaternions = _quaternions(shown.rotation)
     ghost_positions = shown.position if shown.ghost_position is None else shown.ghost_position
     ghost_quaternions = quaternions if shown.ghost_rotation is None else _quaternions(shown.ghost_rotation)
@@ -122,7 +138,7 @@ def _record_scene(server: Any, record: Recording | Interaction | Rollout, shown:
         gaps = np.maximum(gaps, size * np.abs(shown.ghost_rotation - shown.rotation).max(axis=(2, 3)))
     apart = gaps.max(axis=1) > 0.005 * size
     differing = set(np.flatnonzero(gaps.max(axis=0) > 0.005 * size).tolist())
-    ghosts = _add_body(server, record, "reference", _rgb(REFERENCE), 0.25, differing)
+    ghosts = _add_body(server, record, "reference", rgb(REFERENCE), 0.25, differing)
     still = (np.ptp(shown.position, axis=0) == 0.0).all(axis=1) & (np.ptp(quaternions, axis=0) == 0.0).all(axis=1)
     moving = set(np.flatnonzero(~still).tolist())
 
@@ -134,6 +150,8 @@ def _record_scene(server: Any, record: Recording | Interaction | Rollout, shown:
             node.visible = bool(apart[k])
             if apart[k]:
                 node.wxyz, node.position = ghost_quaternions[k, body], ghost_positions[k, body]
+        for body, node in zip(shown.objects, placed, strict=True):
+            node.wxyz, node.position = _quaternions(body.rotation[k]), body.position[k]
         arrows.show(shown.point[k], shown.force[k], shown.colour[k])
         if shown.markers is not None:
             found = shown.markers[k][np.isfinite(shown.markers[k]).all(axis=1)]
@@ -174,7 +192,7 @@ class _Arrows:
         """Show the forces of one frame; a force too small to see is hidden."""
         for (slot, own), (node, shaft, head) in self.nodes.items():
             size = float(np.linalg.norm(force[slot]))
-            length = size * self.scale
+            length = min(size * self.scale, LONGEST * self.size)
             seen = length > 0.025 * self.size and bool(np.isfinite(point[slot]).all()) and _tuple(colour[slot]) == own
             node.visible = seen
             if seen:
@@ -223,31 +241,43 @@ def _add_body(
     return nodes
 
 
-def _add_surfaces(server: Any, shapes: tuple[Shape, ...], focus: np.ndarray, size: float, along: np.ndarray) -> None:
-    for index, shape in enumerate(shapes):
-        if isinstance(shape, Bump):
-            vertices, faces = bump_mesh(shape)
-            server.scene.add_mesh_simple(f"/surface/{index}", vertices, faces, color=BUMP_COLOUR, side="double")
-            continue
-        vertices, faces = patch_mesh(shape, focus, (1.15 * size, 0.7 * size), along)
-        server.scene.add_mesh_simple(f"/surface/{index}", vertices, faces, color=PLATE_COLOUR, side="double")
-        lines = ruled_lines(vertices, _round_down(0.2 * size)) + 0.002 * size * shape.normal
-        server.scene.add_line_segments(
-            f"/surface/{index}/ruling", lines, (150, 140, 122), thickness=1.0, thickness_units="screen"
-        )
-
-
 def _framing(record: Any, shown: _Frames) -> tuple[np.ndarray, float]:
-    """Point to look at and half the diagonal of the box that holds every body at all times."""
+    """Point to look at and half the diagonal of the box that holds every body at all times.
+
+    With objects, only the bodies near the pads, and the objects while they are near these.
+    """
     parts = bones(record.model)
     if not parts:
         return np.zeros(3), 0.1
+    fingers = _fingers(record.model) if shown.objects else set()
+    points = _ends(shown, [part for part in parts if part.body in fingers] or parts)
+    middle, size = _box(points)
+    for body in shown.objects:
+        near = np.flatnonzero(np.linalg.norm(body.position - middle, axis=1) < 1.5 * size)
+        points = np.concatenate([points, *(body.at(k, body.solid.vertices) for k in near.tolist())])
+    return _box(points)
+
+
+def _ends(shown: _Frames, parts: Any) -> np.ndarray:
+    """Both ends of every segment at all times `[n, 3]`."""
     points = []
     for part in parts:
         origin, turn = shown.position[:, part.body], shown.rotation[:, part.body]
         points += [origin + turn @ part.start, origin + turn @ part.end]
-    cloud = np.concatenate(points)
-    low, high = cloud.min(axis=0), cloud.max(axis=0)
+    return np.concatenate(points)
+
+
+def _fingers(model: Any) -> set[int]:
+    """The bodies that carry pads, and those that these hang on, up to the third."""
+    found = body = set(model.pad_bodies)
+    for _ in range(SEGMENTS - 1):
+        body = {int(model.body_parents[number]) for number in body} - {-1, 0}
+        found = found | body
+    return {int(number) for number in found}
+
+
+def _box(points: np.ndarray) -> tuple[np.ndarray, float]:
+    low, high = points.min(axis=0), points.max(axis=0)
     return 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
 
 
@@ -263,13 +293,3 @@ def _view_axis(shown: _Frames, up: np.ndarray) -> np.ndarray:
 
 def _quaternions(rotation: np.ndarray) -> np.ndarray:
     return require("viser.transforms").SO3.from_matrix(rotation).wxyz
-
-
-def _round_down(value: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that does not exceed `value`."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(max(step for step in (1.0, 2.0, 5.0) if step * power <= value * (1 + 1e-9)) * power)
-
-
-def _rgb(colour: str) -> tuple[int, int, int]:
-    return (int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16))

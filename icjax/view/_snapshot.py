@@ -11,7 +11,10 @@ from icjax.interaction import Interaction
 from icjax.recording import Recording
 from icjax.rollout import Rollout
 from icjax.view._force_plots import force_components
-from icjax.view._skeleton import Bone, body_poses, bones, pad_path, up_direction
+from icjax.view._objects import Moving, moving, upward
+from icjax.view._pairs import largest_force, pair_forces
+from icjax.view._skeleton import Bone, body_poses, bones, pad_path
+from icjax.view._solids import silhouette
 from icjax.view._style import (
     INK,
     MEASURED,
@@ -19,13 +22,12 @@ from icjax.view._style import (
     REFERENCE,
     SLIDING,
     STICKING,
-    SURFACE,
     legend_above,
     new_figure,
     save,
     styled,
 )
-from icjax.view._surfaces import profile, surfaces_of
+from icjax.view._surfaces import draw_ground, profile, sections, surfaces_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,6 +36,10 @@ SKIN = "#C9D3E0"
 EDGE = "#5F7186"
 WIDE = 2.35
 """Width over height of the side view, at least."""
+PAUSE = 0.1
+"""s; what is touched again sooner has not been left."""
+BESIDE = 100.0
+"""mm beside the finger within which objects are kept in the side view."""
 
 
 def snapshot(
@@ -57,14 +63,16 @@ def draw_snapshot(
     """Side view of the finger over its surface at several moments, above the contact force over time.
 
     The moment drawn darkest has the largest force; an outline shows the reference pose theta_r there. Arrows are
-    contact forces, coloured by slip state in a rollout.
+    contact forces, coloured by slip state in a rollout; those on objects are drawn at the darkest moment only, cut
+    where they exceed the largest one on the hand. Objects are seen from the side, fixed solids cut in the plane of the
+    fingertip.
 
     **Arguments**
 
     - `times`: moments to draw, s; by default six, spread over the longest contact.
     - `measured`: its normal force is drawn under the record's own.
     """
-    model, up = record.model, up_direction(record.model)
+    model, up = record.model, upward(record)
     tips = pad_path(model, record.q)
     time = np.asarray(record.time, dtype=float)
     normal, tangential = force_components(record)
@@ -78,6 +86,7 @@ def draw_snapshot(
     side, plot = figure.subplots(2, 1, height_ratios=[2.7, 1.0])
     parts = bones(model)
     poses = body_poses(model, np.asarray(record.q, dtype=float)[moments])
+    bodies = moving(record, np.array(moments))
     order = sorted(range(len(moments)), key=lambda i: (moments[i] == strongest, i))
     for rank, i in enumerate(order):
         last = moments[i] == strongest
@@ -85,13 +94,15 @@ def draw_snapshot(
         for part in parts:
             outline = _outline(part, poses[0][i], poses[1][i], origin, along, up)
             side.fill(*outline.T, facecolor=SKIN, edgecolor=EDGE, lw=0.9, alpha=shade, zorder=3 + rank)
+        for body in bodies:
+            _draw_object(side, body, i, shade, 2.5 + rank, origin, along, up)
     if not isinstance(record, Recording):
         reference = body_poses(model, np.asarray(record.reference, dtype=float)[[strongest]])
         for part in parts:
             outline = _outline(part, reference[0][0], reference[1][0], origin, along, up)
             side.plot(*np.vstack([outline, outline[:1]]).T, color=REFERENCE, lw=1.1, ls=(0, (4, 2)), zorder=20)
     _draw_arrows(side, record, moments, strongest, origin, along, up)
-    _draw_surface(side, record, parts, poses, origin, along, up)
+    _draw_surface(side, record, parts, poses, bodies, origin, along, up)
 
     if measured is not None:
         plot.plot(
@@ -110,12 +121,16 @@ def draw_snapshot(
 
 
 def _moments(time: np.ndarray, normal: np.ndarray, count: int = 6) -> list[int]:
-    """Frames spread over the stretch of contact with the largest impulse, with a little before and after."""
+    """Frames spread over the stretch of contact with the largest impulse, with a little before and after.
+
+    Contact that is lost for a moment (what is pushed jumps ahead) goes on.
+    """
     touching = np.concatenate([[False], normal > 0.05 * max(float(normal.max(initial=0.0)), 1e-9), [False]])
     edges = np.flatnonzero(np.diff(touching.astype(int)))
     if not len(edges):
         return [int(k) for k in np.linspace(0, len(time) - 1, count)]
-    spans = list(zip(edges[::2], edges[1::2], strict=True))
+    lost = np.flatnonzero(time[edges[2::2]] - time[edges[1:-1:2]] > PAUSE)
+    spans = list(zip(edges[np.append(0, 2 * lost + 2)], edges[np.append(2 * lost + 1, len(edges) - 1)], strict=True))
     start, stop = max(spans, key=lambda span: float(normal[span[0] : span[1]].sum()))
     room = 0.15 * (stop - start)
     picks = np.linspace(max(start - room, 0), min(stop + room, len(time) - 1), count)
@@ -156,22 +171,41 @@ def _outline(
     )
 
 
+def _draw_object(
+    axis: Any,
+    body: Moving,
+    moment: int,
+    shade: float,
+    order: float,
+    origin: np.ndarray,
+    along: np.ndarray,
+    up: np.ndarray,
+) -> None:
+    outline = silhouette(_flat(body.at(moment, body.solid.vertices), origin, along, up))
+    axis.fill(*outline.T, facecolor=body.colour, lw=0, alpha=0.35 * shade, zorder=order)
+    axis.plot(*outline.T, color=body.colour, lw=1.0, alpha=shade, zorder=order)
+    if not body.solid.flat:  # nothing else shows that it turns
+        marks = _flat(body.at(moment, body.solid.lines.reshape(-1, 3)), origin, along, up).reshape(-1, 2, 2)
+        ends = np.concatenate([marks, np.full((len(marks), 1, 2), np.nan)], axis=1).reshape(-1, 2)
+        axis.plot(*ends.T, color=body.colour, lw=0.6, alpha=shade, zorder=order)
+
+
 def _draw_arrows(
     axis: Any, record: Any, moments: list[int], strongest: int, origin: np.ndarray, along: np.ndarray, up: np.ndarray
 ) -> None:
-    force = np.nan_to_num(np.asarray(record.contact_force, dtype=float))
-    point = np.asarray(record.contact_point, dtype=float)
-    largest = max(float(np.linalg.norm(force, axis=-1).max(initial=0.0)), 1e-9)
-    for k in moments:
-        for slot in range(force.shape[1]):
-            size = float(np.linalg.norm(force[k, slot]))
-            if size < 0.04 * largest or not np.isfinite(point[k, slot]).all():
+    pairs = pair_forces(record, np.array(moments))
+    largest = largest_force(pair_forces(record))
+    for i, k in enumerate(moments):
+        for column in np.flatnonzero(pairs.on_hand | (k == strongest)):
+            force, point = pairs.force[i, column], pairs.point[i, column]
+            size = float(np.linalg.norm(force))
+            if size < 0.04 * largest or not np.isfinite(point).all():
                 continue
             colour = MEASURED
             if isinstance(record, Rollout):
-                colour = {1: STICKING, 2: SLIDING}.get(int(record.slip_state[k, slot]), QUIET)
-            tail = _flat(point[k, slot], origin, along, up)
-            tip = tail + 55.0 * np.array([force[k, slot] @ along, force[k, slot] @ up]) / largest
+                colour = {1: STICKING, 2: SLIDING}.get(int(pairs.state[i, column]), QUIET)
+            tail = _flat(point, origin, along, up)
+            tip = tail + 55.0 * np.array([force @ along, force @ up]) / max(largest, size)
             axis.annotate(
                 "",
                 xy=tip,
@@ -189,18 +223,36 @@ def _draw_arrows(
 
 
 def _draw_surface(
-    axis: Any, record: Any, parts: Any, poses: Any, origin: np.ndarray, along: np.ndarray, up: np.ndarray
+    axis: Any,
+    record: Any,
+    parts: Any,
+    poses: Any,
+    bodies: tuple[Moving, ...],
+    origin: np.ndarray,
+    along: np.ndarray,
+    up: np.ndarray,
 ) -> None:
     shown = list(parts[1:]) or list(parts)
     ends = np.concatenate([poses[1][:, part.body] + poses[0][:, part.body] @ part.end for part in shown])
     flat = _flat(ends, origin, along, up)
     left, right = float(flat[:, 0].min()) - 35.0, float(flat[:, 0].max()) + 40.0
-    reach = np.linspace(left - 1e3, right, 3000)
-    height = 1e3 * profile(surfaces_of(record), origin, along, up, 1e-3 * reach)
-    floor = (float(np.nanmin(height)) if np.isfinite(height).any() else float(flat[:, 1].min())) - 9.0
-    axis.fill_between(reach, floor, height, color=SURFACE, lw=0, zorder=1)
-    axis.plot(reach, height, color="#8C8371", lw=1.2, zorder=2)
     ceiling = float(flat[:, 1].max()) + 22.0
+    farthest = left - BESIDE, right + BESIDE, ceiling + BESIDE
+    for body in bodies:
+        points = np.concatenate([body.at(i, body.solid.vertices) for i in range(len(body.position))])
+        low, high = (bound(_flat(points, origin, along, up), axis=0) for bound in (np.min, np.max))
+        right = max(right, min(float(high[0]) + 8.0, farthest[1]))
+        left = min(left, max(float(low[0]) - 8.0, farthest[0]))
+        ceiling = max(ceiling, min(float(high[1]) + 8.0, farthest[2]))
+    surfaces, reach = surfaces_of(record), 1e-3 * np.linspace(left - 1e3, right, 3000)
+    height = profile(surfaces, origin, along, up, reach)
+    if np.isfinite(height).any():
+        lowest = 1e3 * float(np.nanmin(height))
+    else:
+        cuts = sections(surfaces, origin, along, up)
+        lowest = 1e3 * min(float(cut[:, 1].min()) for cut in cuts) if cuts else float(flat[:, 1].min())
+    floor = lowest - 9.0
+    draw_ground(axis, surfaces, origin, along, up, reach, 1e-3 * floor, 1.2)
     axis.set_xlim(min(left, right - WIDE * (ceiling - floor)), right)
     axis.set_ylim(floor, ceiling)
     axis.set_aspect("equal")

@@ -26,8 +26,11 @@ QUIET = "#8A8F98"
 INK = "#1F2430"
 CONTACT = "#DCE6EE"
 SURFACE = "#D9D2C5"
+RIM = "#8C8371"
 SIMULATED = ("#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#7A5195")
 """Colours of the simulated variants, in the order in which they are given."""
+OBJECTS = ("#7A5195", "#2A7F8E", "#A23B72", "#6B705C")
+"""Colours of the objects of a scene, in their order."""
 
 _RC = {
     "font.size": 9.0,
@@ -84,6 +87,11 @@ def new_figure(width: float, height: float) -> "Figure":
     figure = require("matplotlib.figure").Figure(figsize=(width, height), layout="constrained")
     figure.set_facecolor("white")
     return figure
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """Red, green and blue, 0 to 255, of a colour written as ``#rrggbb``."""
+    return (int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16))
 
 
 def thinned(count: int) -> slice:

@@ -10,6 +10,8 @@ from icjax.interaction import Interaction
 from icjax.recording import Recording
 from icjax.rollout import Rollout
 from icjax.view._skeleton import up_direction
+from icjax.view._solids import Solid, section, solid
+from icjax.view._style import RIM, SURFACE
 
 
 class Patch(NamedTuple):
@@ -31,30 +33,32 @@ class Bump(NamedTuple):
     friction: float | None
 
 
-Shape = Patch | Bump
+Shape = Patch | Bump | Solid
+
+
+def scene_content(scene: str) -> Mapping[str, Any]:
+    """What the JSON text of `Rollout.scene` says; nothing where it is none."""
+    try:
+        content = json.loads(scene) if scene else {}
+    except json.JSONDecodeError:
+        return {}
+    return content if isinstance(content, Mapping) else {}
 
 
 def scene_name(rollout: Rollout) -> str:
     """What a rollout is called in pictures: the name of its scene, or its own where the scene has none."""
-    try:
-        content = json.loads(rollout.scene) if rollout.scene else {}
-    except json.JSONDecodeError:
-        content = {}
-    name = content.get("name") if isinstance(content, Mapping) else None
+    name = scene_content(rollout.scene).get("name")
     return str(name) if name else rollout.name
 
 
 def scene_surfaces(scene: str) -> tuple[Shape, ...]:
     """Surfaces in the JSON text of `Rollout.scene`.
 
-    An entry with `radii` and `centre` is an ellipsoid, one with `point` and `normal` a plane; other entries are
-    not drawn. **Returns**: shapes in their order, empty where the text names none.
+    An entry with `radii` and `centre` is an ellipsoid, one with `point` and `normal` a plane, one whose `shape` names a
+    solid that solid; other entries are not drawn. **Returns**: shapes in their order, empty where the text names none.
     """
-    try:
-        content = json.loads(scene) if scene else {}
-    except json.JSONDecodeError:
-        return ()
-    entries = content.get("surfaces", ()) if isinstance(content, Mapping) else ()
+    content = scene_content(scene)
+    entries = content.get("surfaces", ())
     if isinstance(entries, Mapping):
         entries = [{"name": name, **entry} for name, entry in entries.items()]
     shapes: list[Shape] = []
@@ -78,7 +82,7 @@ def _shape(entry: Mapping[str, Any], fallback: str, friction: Any) -> Shape | No
     if "point" in values and "normal" in values:
         normal = np.asarray(values["normal"], dtype=float)
         return Patch(name, np.asarray(values["point"], dtype=float), normal / np.linalg.norm(normal), own)
-    return None
+    return solid(values, name, own)
 
 
 def touched_plane(record: Recording | Interaction) -> tuple[Shape, ...]:
@@ -136,12 +140,14 @@ def grid_faces(rows: int, columns: int) -> np.ndarray:
 def profile(
     shapes: tuple[Shape, ...], origin: np.ndarray, along: np.ndarray, up: np.ndarray, distance: np.ndarray
 ) -> np.ndarray:
-    """Height of the highest surface (m, along `up` from `origin`) at each distance along a line; NaN where none.
+    """Height of the highest plane or ellipsoid (m, along `up` from `origin`) along a line; NaN where none.
 
     The cut is in the plane through `origin` spanned by `along` and `up`.
     """
     height = np.full(distance.shape, -np.inf)
     for shape in shapes:
+        if isinstance(shape, Solid):
+            continue
         base = origin + distance[:, None] * along
         if isinstance(shape, Patch):
             slope = shape.normal @ up
@@ -155,3 +161,33 @@ def profile(
         top = (-b + np.sqrt(np.maximum(inside, 0.0))) / a
         height = np.maximum(height, np.where(inside >= 0, top, -np.inf))
     return np.where(np.isfinite(height), height, np.nan)
+
+
+def draw_ground(
+    axis: Any,
+    shapes: tuple[Shape, ...],
+    origin: np.ndarray,
+    along: np.ndarray,
+    up: np.ndarray,
+    reach: np.ndarray,
+    floor: float,
+    width: float,
+) -> None:
+    """Fill a side view (mm) with surfaces, cut in its plane: the highest plane or ellipsoid, and the solids.
+
+    **Arguments**: `reach` distances and `floor` height that bound it, m; `width` of its outline.
+    """
+    height = profile(shapes, origin, along, up, reach)
+    cuts = sections(shapes, origin, along, up)
+    axis.fill_between(1e3 * reach, 1e3 * floor, 1e3 * height, color=SURFACE, lw=0, zorder=1.0)
+    axis.plot(1e3 * reach, 1e3 * height, color=RIM, lw=width, zorder=1.1)
+    for cut in cuts:
+        axis.fill(*(1e3 * cut.T), facecolor=SURFACE, edgecolor=RIM, lw=width, zorder=1.2)
+    if cuts:  # what of them lies below the ground is not seen
+        axis.fill_between(1e3 * reach, 1e3 * floor, 1e3 * height, color=SURFACE, lw=0, zorder=1.3)
+
+
+def sections(shapes: tuple[Shape, ...], origin: np.ndarray, along: np.ndarray, up: np.ndarray) -> list[np.ndarray]:
+    """Outlines `[n, 2]` (m, along both directions from `origin`) of the solids that the plane of a side view cuts."""
+    cuts = (section(shape, origin, along, up) for shape in shapes if isinstance(shape, Solid))
+    return [np.stack([(cut - origin) @ along, (cut - origin) @ up], axis=1) for cut in cuts if cut is not None]

@@ -1,6 +1,7 @@
 """The command line as a person uses it: what is printed, what is written, what is refused."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -99,6 +100,18 @@ def test_verbs_follow_each_other(demo, tmp_path, capsys):
     assert main(["transfer", interaction, "--scene", str(scene)]) == 0
     assert main(["transfer", interaction, "--surface", "bump"]) == 0
     assert json.loads(Rollout.load(tmp_path / "rollout_slope.nc").scene)["surfaces"][0]["friction"] == 0.4
+    capsys.readouterr()
+    push = ROOT / "experiments" / "scenes" / "push.toml"
+    assert main(["transfer", interaction, "--scene", str(push)]) == 0
+    told = re.search(
+        r"^  box: moved (\S+) mm, lifted .* degrees at most, touched by the hand (\d+)%$", capsys.readouterr().out, re.M
+    )
+    assert told, "what became of the box is told"
+    assert float(told[1]) > 5.0
+    assert int(told[2]) > 2
+    strange = tmp_path / "strange.toml"
+    strange.write_text(push.read_text().replace('["box", "table"]', '["thumb", "table"]'))
+    complains(capsys, ["transfer", interaction, "--scene", strange], "strange.toml: ", "'thumb'")
     assert main(["report", str(tmp_path)]) == 0
     assert (tmp_path / "report.html").stat().st_size > 100_000
 

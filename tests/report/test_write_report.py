@@ -1,5 +1,6 @@
 """What the page says when parts are missing, and that it is written whole or not at all."""
 
+import dataclasses
 import re
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 
@@ -7,6 +8,7 @@ import equinox as eqx
 import numpy as np
 import pytest
 from view.example_leg import with_ball_joint, without_poses
+from view.example_objects import make_object_rollout
 from view.example_records import make_interaction, make_recording, make_rollout
 
 from icjax import report as report_package
@@ -175,3 +177,47 @@ def test_sensitivity_is_shown_where_the_recordings_are_at_hand(tmp_path):
     session = Session(name="other", subject="nobody", recordings=(moved,))
     other = write_report(tmp_path / "c.html", session=session, interactions=(interaction,)).read_text(encoding="utf-8")
     assert "so they were not repeated" in other
+
+
+@pytest.mark.usefixtures("no_scene")
+def test_objects_get_a_section_of_their_own(tmp_path):
+    flat, rollout = make_rollout("flat", bump=False), make_object_rollout()
+    text = write_report(tmp_path / "a.html", rollouts=(flat, rollout)).read_text(encoding="utf-8")
+    section = text[text.index('<section id="objects">') : text.index('<section id="rollouts">')]
+    rows = re.findall(r"<tr>(<td.*?)</tr>", section)
+    cells = [re.findall(r"<td[^>]*>([^<]*)</td>", row) for row in rows]
+    # Slid by 20 mm, then turned about its edge: by 8 + 20 mm, at pi rad/s on a radius of 21.5 mm.
+    assert cells == [
+        ["box", "objects", "0.491", "0.491", "48.0", "1.5", "90", "68", "0.30", "3.000"],
+        ["ball", "objects", "0.0981", "0.0981", "179.7", "0.0", "a ball", "60", "not touched", "0.000"],
+    ]
+    assert section.count("<svg") == 1
+    assert 'aria-label="place, tilt, speed and forces of box, ball over time"' in section
+    for words in ("objects have inertia", "Objects are dashed where they began", "Forces of surfaces and other objects",
+                  "Forces on objects are further below", '<i style="background:#7A5195"></i>box</li>'):  # fmt: skip
+        assert words in text
+    trusted = text[text.index('<section id="rollouts">') :]
+    # The deepest gap is the pad's, as on the plate alone, not that of the box.
+    first, second = (
+        re.findall(r"<td[^>]*>([^<]*)</td>", row)[5:] for row in re.findall(r"<tr>(<td.*?)</tr>", trusted)[:2]
+    )
+    assert first[0] == second[0]
+    alone = write_report(tmp_path / "b.html", rollouts=(flat,)).read_text(encoding="utf-8")
+    for words in ('id="objects"', "inertia and are rigid", "dashed where they began", "other objects"):
+        assert words not in alone
+
+
+@pytest.mark.usefixtures("no_scene")
+def test_many_objects_are_drawn_few_at_a_time(tmp_path):
+    rollout, count = make_object_rollout(), 14
+    names = tuple(f"ball{k}" for k in range(count))
+    columns = {
+        name: np.repeat(getattr(rollout, name)[:, 1:], count, axis=1)
+        for name in ("object_position", "object_quaternion", "object_velocity", "object_angular_velocity")
+    }
+    many = dataclasses.replace(rollout, object_names=names, **columns)
+    text = write_report(tmp_path / "many.html", rollouts=(many,)).read_text(encoding="utf-8")
+    section = text[text.index('<section id="objects">') : text.index('<section id="rollouts">')]
+    assert section.count("<svg") == 4
+    assert "Not drawn: ball12, ball13." in section
+    assert section.count("<tr><td") == count

@@ -31,7 +31,7 @@ def pressed():
 def test_a_sound_rollout_passes(pressed):
     lines = check_rollout(pressed)
     assert len(lines) == 1
-    assert "20 steps, slots pad/plate; 0 steps not solved" in lines[0]
+    assert "20 steps, contacts pad/plate; 0 steps not solved" in lines[0]
     assert np.linalg.norm(pressed.contact_force) > 0
 
 

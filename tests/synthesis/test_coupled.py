@@ -61,10 +61,9 @@ def test_limits_without_room_are_reported():
     info = held(ARM, Scene("room", (FAR,), limits=2), bent, [0.0, 0.5, 0.5])
     assert np.all(np.asarray(info.status) == 0)
     np.testing.assert_allclose(info.q[-1], [0.0, 0.5, 1.0], atol=1e-12)
-    info = held(ARM, Scene("room", (FAR,), limits=0), bent, [0.0, 0.5, 0.5])
-    np.testing.assert_allclose(info.q[-1], bent, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_derivatives_at_a_limit_and_under_load():
     """Of torque and angles with respect to reference, compliance and the limit, with the tip on a plane."""
     plane = Surface("plane", Plane(np.array([0.0, 0.0, -0.07]), UP), 0.5)
@@ -108,6 +107,7 @@ def tossed(**room):
     return rollout(NOBODY, scene, Target(jnp.zeros((300, 0)), jnp.zeros((300, 0))))[1]
 
 
+@pytest.mark.slow
 def test_room_for_as_many_contacts_as_touch_is_enough():
     """A box has eight corners and lies on four. Frictionless, where the motion is unique."""
     everything, four, two = tossed(), tossed(contacts=4), tossed(contacts=2)

@@ -104,7 +104,18 @@ def test_transfer_to_an_object_and_back_from_its_file(tmp_path):
     for name in ("object_position", "object_quaternion", "object_velocity", "object_angular_velocity"):
         np.testing.assert_array_equal(getattr(again, name), getattr(rollout, name))
     assert not layout_problems(tmp_path / "rollout.nc", Rollout)
-    assert [line for line in check_rollout(again) if line.startswith("error")] == []
+    assert again.slot_bodies() == (("pad", "table"), ("pad", "box"), *[("box", "table")] * 8)
+    assert again.on_hand() == (True, True, *[False] * 8)
+    lines = check_rollout(again)
+    assert len(lines) == 1
+    assert "contacts pad/table, pad/box, box/table; " in lines[0]
+    inside, lost = np.array(again.gap), np.array(again.object_position)
+    inside[0, 4:6] = -0.002, -0.003
+    lost[-1, 0, 2] -= 3.0
+    told = check_rollout(dataclasses.replace(again, gap=inside, object_position=lost))
+    assert [line.rpartition("': ")[2] for line in told[1:]] == [
+        "box begins 3 mm inside table: see its position", "box has fallen 3 m: is there a surface under it?"
+    ]  # fmt: skip
     sideways = np.array(again.contact_force)
     sideways[50, 2:, 0] += 0.3 * sideways[50, 2:, 2]
     told = check_rollout(dataclasses.replace(again, contact_force=sideways))

@@ -1,0 +1,117 @@
+"""Shapes from the tables of a scene file, and where they are."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from icjax.files import Table, as_numbers, as_rotation
+from icjax.geometry import Box, Capsule, Cylinder, Ellipsoid, Placed, Plane, Prism, Shape, Sphere, wedge
+from icjax.spatial import Pose, quaternion_to_rotation
+
+UNIT = 0.01
+"""How far the length of a quaternion may be from one: as far as three decimals take it."""
+
+
+def read_surface_shape(table: Table) -> tuple[str, Shape]:
+    """Kind and shape of a surface, in the world. **Errors**: `FileError` naming the key."""
+    kind = table.choice("shape", ("plane", *_SOLIDS))
+    if kind == "plane":
+        normal = np.array(table.vector("normal"))
+        if not np.linalg.norm(normal) > 0:
+            raise table.error("key 'normal' must not be zero")
+        return kind, Plane(np.array(table.vector("point")), normal)
+    solid = _SOLIDS[kind](table)
+    if isinstance(solid, Ellipsoid):  # which may stand anywhere by itself
+        pose = read_pose(table, "position" if "position" in table.content else "centre")
+        return kind, Ellipsoid(pose.position, pose.rotation, solid.radii)
+    return kind, Placed(solid, read_pose(table))
+
+
+def read_object_shape(table: Table) -> tuple[str, Shape]:
+    """Kind and shape of an object, in its own frame. **Errors**: `FileError` naming the key."""
+    kind = table.choice("shape", _SOLIDS)
+    return kind, _SOLIDS[kind](table)
+
+
+def read_pose(table: Table, position: str = "position") -> Pose:
+    """Of a shape's frame in the world. **Errors**: `FileError` naming the key."""
+    place = np.array(table.vector(position))
+    if "quaternion" in table.content and "rotation" in table.content:
+        raise table.error("has both 'rotation' and 'quaternion'; give one")
+    quaternion = table.take("quaternion", _as_quaternion, "four numbers w, x, y, z of length 1", None)
+    rows = table.take("rotation", as_rotation, "three rows of a rotation matrix", np.eye(3))
+    rotation = np.array(rows) if quaternion is None else quaternion_to_rotation(jnp.asarray(quaternion))
+    return Pose(rotation, place)
+
+
+def _as_quaternion(value: Any) -> np.ndarray:
+    quaternion = np.array(as_numbers(value, 4))
+    if abs(np.linalg.norm(quaternion) - 1.0) > UNIT:
+        raise ValueError
+    return quaternion
+
+
+def _box(table: Table) -> Shape:
+    return Box(_sizes(table, "half_sizes"))
+
+
+def _sphere(table: Table) -> Shape:
+    return Sphere(table.number("radius", above=0.0))
+
+
+def _capsule(table: Table) -> Shape:
+    return Capsule(table.number("radius", above=0.0), table.number("half_length", above=0.0))
+
+
+def _cylinder(table: Table) -> Shape:
+    return Cylinder(table.number("radius", above=0.0), table.number("half_length", above=0.0))
+
+
+def _ellipsoid(table: Table) -> Shape:
+    return Ellipsoid(np.zeros(3), np.eye(3), _sizes(table, "radii"))
+
+
+def _wedge(table: Table) -> Shape:
+    width, height, depth = (table.number(key, above=0.0) for key in ("width", "height", "depth"))
+    degrees = table.number("tilt_degrees")
+    try:
+        return wedge(width, height, depth, math.radians(degrees))
+    except ValueError as error:
+        raise table.error(
+            f"key 'tilt_degrees' is {degrees:g}: the sides would meet, for width {width:g} and height {height:g} m"
+        ) from error
+
+
+def _prism(table: Table) -> Shape:
+    outline = table.take("outline", _as_points, "a list of points [x, y]")
+    try:
+        return Prism(np.array(outline), table.number("half_length", above=0.0))
+    except ValueError as error:
+        raise table.error(f"key 'outline' is none of a prism: {error}") from error
+
+
+def _as_points(value: Any) -> list[tuple[float, ...]]:
+    if not isinstance(value, list) or not value:
+        raise ValueError
+    return [as_numbers(point, 2) for point in value]
+
+
+def _sizes(table: Table, key: str) -> np.ndarray:
+    sizes = np.array(table.vector(key))
+    if np.any(sizes <= 0):
+        raise table.error(f"key '{key}' must be more than 0 m, not {sizes.tolist()}")
+    return sizes
+
+
+_SOLIDS: dict[str, Callable[[Table], Shape]] = {
+    "box": _box,
+    "sphere": _sphere,
+    "capsule": _capsule,
+    "cylinder": _cylinder,
+    "ellipsoid": _ellipsoid,
+    "wedge": _wedge,
+    "prism": _prism,
+}
