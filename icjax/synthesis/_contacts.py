@@ -148,8 +148,8 @@ def _meetings(scene: Scene) -> list[tuple[int, int]]:
                 first, second = other, own
             if not _finds(things[first].shape, things[second].shape):
                 raise ValueError(
-                    f"contact of {item.name!r} with {things[other].name!r} is not implemented: an object that is no ball "
-                    "meets planes and ball objects only"
+                    f"contact of {item.name!r} with {things[other].name!r} is not implemented: an object that is no "
+                    "ball meets planes and ball objects only"
                 )
             found.append((first - len(scene.surfaces), second))
     return found

@@ -79,11 +79,10 @@ class Object(eqx.Module):
         if driven:  # nothing that follows depends on the numbers
             even, mass = MassProperties(jnp.ones(()), jnp.zeros(3), jnp.eye(3)), 1.0
         else:
-            stated = "density" if mass is None else "mass"
-            check_size(f"object {name!r}: {stated}", density if mass is None else mass, ())
+            stated: Any = density if mass is None else mass
+            check_size(f"object {name!r}: {'density' if mass is None else 'mass'}", stated, ())
             even = shape.mass_properties()
-        if mass is None:
-            mass = density * even.volume
+            mass = stated * even.volume if mass is None else mass
         self.name, self.shape = name, shape
         self.friction, self.mass = jnp.asarray(friction, float), jnp.asarray(mass, float)
         self.com = jnp.asarray(even.com if com is None else com, float)

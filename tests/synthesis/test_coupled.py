@@ -114,9 +114,7 @@ def test_room_for_as_many_contacts_as_touch_is_enough():
     assert np.all(np.asarray(four.status) == 0)
     rounding = 1e-9  # of other pivots on a face with four corners
     np.testing.assert_allclose(four.object_position, everything.object_position, rtol=0, atol=rounding)
-    np.testing.assert_allclose(
-        four.contact_force.sum(axis=1), everything.contact_force.sum(axis=1), rtol=0, atol=1e-5
-    )
+    np.testing.assert_allclose(four.contact_force.sum(axis=1), everything.contact_force.sum(axis=1), rtol=0, atol=1e-5)
     assert four.contact_force.shape == everything.contact_force.shape
     crowded = [STATUSES[int(status)] == RESULTS.crowded for status in np.asarray(two.status)]
     assert any(crowded)
