@@ -12,6 +12,7 @@ from icjax.synthesis._object import Motion as Motion
 from icjax.synthesis._object import Object as Object
 from icjax.synthesis._object import object_admittance as object_admittance
 from icjax.synthesis._object import rigid_admittance as rigid_admittance
+from icjax.synthesis._placement import place_objects as place_objects
 from icjax.synthesis._policies import GripTightening as GripTightening
 from icjax.synthesis._policies import ImminentSlip as ImminentSlip
 from icjax.synthesis._policies import Policy as Policy
