@@ -20,10 +20,10 @@ class GraspTruth:
     """What an experimenter never sees. Time in s, angles in rad, forces on the fingers in N, world axes.
 
     `theta_free` is the same command without the object: the reference trajectory. `tau` is the torque of the contact
-    forces about each joint (J^T f). `f_contact` [frame, finger, 3] and its part along the surface's normal, `f_normal`.
-    `pad` [frame, finger, 3] is the centre of a fingertip sphere, `bone` where that centre would be with the pad
-    undeformed, `root` [frame, 3] the wrist. `object_pose` [frame, 7]: position of the object's frame (m), quaternion
-    (w first). `joints` and `fingers` name the columns.
+    forces about each joint (J^T f). `f_contact` [frame, finger, 3] acts at `point` (NaN where nothing touches); its
+    part along the surface's normal is `f_normal`. `pad` [frame, finger, 3] is the centre of a fingertip sphere, `bone`
+    where that centre would be with the pad undeformed, `root` [frame, 3] the wrist. `object_pose` [frame, 7]: position
+    of the object's frame (m), quaternion (w first). `joints` and `fingers` name the columns.
     """
 
     t: np.ndarray
@@ -33,6 +33,7 @@ class GraspTruth:
     tau: np.ndarray
     f_contact: np.ndarray
     f_normal: np.ndarray
+    point: np.ndarray
     pad: np.ndarray
     bone: np.ndarray
     root: np.ndarray
@@ -148,6 +149,7 @@ def _truth(
         tau=tau,
         f_contact=contact,
         f_normal=normal,
+        point=np.where(normal[:, :, None] > 0.0, place, np.nan),
         pad=pad,
         bone=bone,
         root=root,

@@ -5,6 +5,7 @@ import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -77,9 +78,7 @@ def grasp_session(
             raise ValueError(
                 f"object '{thing.name}' is {thing.width} m wide; the hand opens to {lift.open} m (open of lift)"
             )
-    part = 1e-3 / timestep if timestep > 0.0 else 0.0
-    if not (part >= 2.0 - 1e-9 and abs(part - round(part)) < 1e-9):
-        raise ValueError(f"timestep must be a whole fraction of 0.001 s, at most 0.0005 s, got {timestep}")
+    check_timestep(timestep)
     noise = Noise() if noise is None else noise
     hand = Hand() if hand is None else hand
     placed = place(hand.markers(), noise, np.random.default_rng([seed, 0]))
@@ -96,11 +95,18 @@ def grasp_session(
         truths.append(motion.truth.save(truth / f"{thing.name}.npz"))
         if progress is not None:
             progress((trial + 1) / len(objects))
-    truths.append(_write_hand(truth, seed, hand, objects, lift, timestep, gain, placed))
+    truths.append(write_hand(truth, seed, hand, objects, lift, timestep, placed, {"film_gain": gain.tolist()}))
     (folder / "hand.xml").write_text(described_xml(hand, folder.name or "laboratory"))
     session = folder / "session.toml"
     session.write_text(grasp_text(folder.name, hand, noise, objects))
     return Paths(session=session, trials=tuple(trials), catches=(), truth=tuple(truths))
+
+
+def check_timestep(timestep: float) -> None:
+    """**Errors**: `ValueError` unless frames and samples are whole numbers of steps."""
+    part = 1e-3 / timestep if timestep > 0.0 else 0.0
+    if not (part >= 2.0 - 1e-9 and abs(part - round(part)) < 1e-9):
+        raise ValueError(f"timestep must be a whole fraction of 0.001 s, at most 0.0005 s, got {timestep}")
 
 
 def regrasp(folder: str | os.PathLike, trial: str, thing: FreeObject) -> GraspTruth:
@@ -146,7 +152,20 @@ def grasp_text(name: str, hand: Hand, noise: Noise, objects: Sequence[FreeObject
     The object's faces lie across x and the thumb is on the near side: the force on it points along -x, that on the
     fingers along +x.
     """
-    lines = [
+    lines = session_head(name, hand, noise)
+    for finger in FINGERS:
+        lines += ["", "[[source]]", f'name = "{finger}"', 'kind = "normal"', f'channels = ["Fn_{finger}"]']
+        lines += ['frame = "world"', f"normal = [{-1.0 if finger == 'thumb' else 1.0}, 0.0, 0.0]", "tare = [0.0, 0.2]"]
+    touches = ", ".join(f'{finger} = "{finger}"' for finger in FINGERS)
+    for thing in objects:
+        lines += ["", "[[trial]]", f'name = "{thing.name}"', f'file = "{thing.name}.c3d"']
+        lines += [f"touches = {{ {touches} }}", f"friction = {thing.friction!r}"]
+    return "\n".join(lines) + "\n"
+
+
+def session_head(name: str, hand: Hand, noise: Noise) -> list[str]:
+    """Lines of the session file about model and markers."""
+    return [
         "# Simulated by icjax.laboratory: no person was measured.",
         f'name = "{name or "laboratory"}"',
         'subject = "simulated"',
@@ -159,14 +178,6 @@ def grasp_text(name: str, hand: Hand, noise: Noise, objects: Sequence[FreeObject
         "[markers]",
         *(f'{label} = "{label}"' for label in hand.markers()),
     ]
-    for finger in FINGERS:
-        lines += ["", "[[source]]", f'name = "{finger}"', 'kind = "normal"', f'channels = ["Fn_{finger}"]']
-        lines += ['frame = "world"', f"normal = [{-1.0 if finger == 'thumb' else 1.0}, 0.0, 0.0]", "tare = [0.0, 0.2]"]
-    touches = ", ".join(f'{finger} = "{finger}"' for finger in FINGERS)
-    for thing in objects:
-        lines += ["", "[[trial]]", f'name = "{thing.name}"', f'file = "{thing.name}.c3d"']
-        lines += [f"touches = {{ {touches} }}", f"friction = {thing.friction!r}"]
-    return "\n".join(lines) + "\n"
 
 
 def _write(path: Path, motion: GraspMotion, gain: np.ndarray, noise: Noise, generator: np.random.Generator) -> Path:
@@ -182,16 +193,17 @@ def _write(path: Path, motion: GraspMotion, gain: np.ndarray, noise: Noise, gene
     )
 
 
-def _write_hand(
+def write_hand(
     truth: Path,
     seed: int,
     hand: Hand,
     objects: Sequence[FreeObject],
     lift: Lift,
     timestep: float,
-    gain: np.ndarray,
     placed: Markers,
+    instruments: dict[str, Any],
 ) -> Path:
+    """What the subject and the instruments truly are, as JSON."""
     path = truth / "hand.json"
     content = {
         "seed": seed,
@@ -199,7 +211,7 @@ def _write_hand(
         "objects": [dataclasses.asdict(thing) for thing in objects],
         "lift": dataclasses.asdict(lift),
         "timestep": timestep,
-        "film_gain": gain.tolist(),
+        **instruments,
         "markers": {label: [body, list(position)] for label, (body, position) in placed.items()},
     }
     path.write_text(json.dumps(content, indent=1))

@@ -36,7 +36,7 @@ def wrist_origin(hand: Hand) -> np.ndarray:
 
 
 def build_hand(hand: Hand, thing: FreeObject | None, markers: Markers, timestep: float) -> MjModel:
-    """The MuJoCo model; `markers` are sites on the bodies of the hand."""
+    """The MuJoCo model; `markers` are sites on the bodies of the hand and on "object"."""
     return mujoco.MjModel.from_xml_string(hand_xml(hand, thing, markers, timestep))
 
 
@@ -54,7 +54,7 @@ def hand_xml(hand: Hand, thing: FreeObject | None, markers: Markers, timestep: f
     <geom name="table" type="plane" size="1 1 0.1" contype="2" conaffinity="2" friction="{friction}" priority="2"
           {RIGID}/>
 {_arm(hand, markers, dynamic=True)}
-    {_thing(thing)}
+    {_thing(thing, markers)}
   </worldbody>
   {_sensors(thing)}
 </mujoco>
@@ -139,9 +139,11 @@ def _mesh(thing: FreeObject | None) -> str:
     return f'<asset><mesh name="object" vertex="{row(thing.vertices().reshape(-1))}"/></asset>'
 
 
-def _thing(thing: FreeObject | None) -> str:
+def _thing(thing: FreeObject | None, markers: Markers) -> str:
     if thing is None:
         return ""
+    on_it = ((label, place) for label, (body, place) in markers.items() if body == "object")
+    sites = "".join(f'<site name="{label}" pos="{row(place)}"/>' for label, place in on_it)
     shape = {
         "box": lambda: f'type="box" size="{row(0.5 * np.asarray(thing.size))}"',
         "sphere": lambda: f'type="sphere" size="{row([0.5 * thing.size[0]])}"',
@@ -151,7 +153,7 @@ def _thing(thing: FreeObject | None) -> str:
     return (
         f'<body name="object" pos="0 0 {0.5 * thing.height!r}"><joint name="object" type="free"/>'
         f'<geom name="object" {shape} mass="{thing.mass!r}" contype="2" conaffinity="3" condim="3" '
-        f'friction="{thing.friction!r} 0 0" {RIGID}/></body>'
+        f'friction="{thing.friction!r} 0 0" {RIGID}/>{sites}</body>'
     )
 
 

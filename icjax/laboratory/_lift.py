@@ -30,12 +30,14 @@ class Lift:
 
     After `rest` the pads close from `open` to `grip`, the distances between the surfaces of thumb and fingers that the
     subject aims at, within `close`; after `settle` the forearm rises by `height` within `rise`; the end is held for
-    `hold`. On an object wider than `grip`, compliance makes the force.
+    `hold`. On an object wider than `grip`, compliance makes the force. Meanwhile the fingers go up and the thumb goes
+    down by `roll`, and back: that turns what is held about the line across the hand.
     """
 
     grip: float = 0.018
     open: float = 0.054
     height: float = 0.080
+    roll: float = 0.0
     rest: float = 0.4
     close: float = 0.7
     settle: float = 0.4
@@ -51,6 +53,10 @@ class Lift:
             raise ValueError(f"lift: open must be above grip ({self.grip} m) and at most 0.12 m, got {self.open}")
         if not (0.0 <= self.height <= 0.3):
             raise ValueError(f"lift: height must be at most 0.3 m, got {self.height}")
+        if not (self.roll <= 0.02):
+            raise ValueError(f"lift: roll must be at most 0.02 m, got {self.roll}")
+        if self.roll > 0.0 and self.hold < 0.5:
+            raise ValueError(f"lift: hold must be at least 0.5 s for a roll, got {self.hold}")
         if self.rest < 0.25:
             raise ValueError(f"lift: rest must be at least 0.25 s, the sensors are tared there; got {self.rest}")
         if self.close < 0.2 or self.rise < 0.2:
@@ -65,13 +71,15 @@ class Lift:
 def lift_command(hand: Hand, lift: Lift) -> np.ndarray:
     """Coordinates [frame, 24] of the planned movement at `RATE`: forearm x, y, z (m), then the joints (rad).
 
-    Every stage moves by the minimum-jerk time course; the pads close along straight lines.
+    Every stage moves by the minimum-jerk time course; the pads close and roll along straight lines.
 
     **Errors**: `ValueError` where a fingertip cannot reach its place.
     """
     time = np.arange(round(lift.duration * RATE) + 1) / RATE
     closed = minimum_jerk((time - lift.rest) / lift.close)
     raised = minimum_jerk((time - lift.rest - lift.close - lift.settle) / lift.rise)
+    held = (time - (lift.duration - lift.hold)) / max(lift.hold, 1e-9)
+    rolled = minimum_jerk(held / 0.45) - minimum_jerk((held - 0.5) / 0.45)
     command = np.zeros((len(time), len(HAND_DRIVEN)))
     command[:, 2] = lift.height * raised
     command[:, 3] = WRIST_FLEXION
@@ -81,14 +89,19 @@ def lift_command(hand: Hand, lift: Lift) -> np.ndarray:
     for finger in FINGERS:
         radius = hand.pad(finger)[1]
         side = -1.0 if finger == "thumb" else 1.0
-        places = []
+        across, above = hand.hand_length * np.asarray(PLACES[finger])
+        closing, rolling = [], []
         for part in fraction:
             half = 0.5 * (lift.open + part * (lift.grip - lift.open)) + radius
-            across, above = hand.hand_length * np.asarray(PLACES[finger])
-            target = np.array([side * half, across, GRIP_HEIGHT + above])
-            places.append(_reach(model, data, finger, target))
+            closing.append(_reach(model, data, finger, np.array([side * half, across, GRIP_HEIGHT + above])))
         columns = [3 + index for index, name in enumerate(HAND_JOINTS) if name.startswith(f"{finger}_")]
-        command[:, columns] = CubicSpline(fraction, np.asarray(places))(closed)
+        command[:, columns] = CubicSpline(fraction, np.asarray(closing))(closed)
+        if lift.roll > 0.0:
+            for part in fraction:
+                target = np.array([side * (0.5 * lift.grip + radius), across, GRIP_HEIGHT + above])
+                target[2] += part * side * lift.roll
+                rolling.append(_reach(model, data, finger, target) - closing[-1])
+            command[:, columns] += CubicSpline(fraction, np.asarray(rolling))(rolled)
     return command
 
 
