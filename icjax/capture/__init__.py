@@ -1,5 +1,11 @@
 """Capture: from the files of a session to joint angles, contact forces and events on one clock."""
 
+from icjax.capture._ball import BallContacts as BallContacts
+from icjax.capture._ball import BallSpec as BallSpec
+from icjax.capture._ball import ball_contacts as ball_contacts
+from icjax.capture._ball import ball_pose as ball_pose
+from icjax.capture._ball import read_ball as read_ball
+from icjax.capture._ball_recording import ball_recording as ball_recording
 from icjax.capture._calibrate import Calibration as Calibration
 from icjax.capture._calibrate import calibrate_model as calibrate_model
 from icjax.capture._calibration_parameters import CalibrationOptions as CalibrationOptions

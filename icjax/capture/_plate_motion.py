@@ -90,7 +90,7 @@ def plate_motion(motion: MotionFile, top: TopSpec, tare: tuple[tuple[float, floa
         if np.isfinite(places[inside, index]).all(axis=1).sum() < 10:
             raise FileError(motion.path, f"marker '{name}' of the sensor's top is not seen at rest")
     cutoff = min(top.cutoff, HIGHEST_CUTOFF * motion.marker_rate)
-    smooth = lowpass(_bridged(places, time), motion.marker_rate, cutoff)
+    smooth = lowpass(bridged(places, time), motion.marker_rate, cutoff)
     rest = smooth[inside].mean(axis=0)
     centre = smooth.mean(axis=1)
     rotation = still
@@ -129,7 +129,7 @@ def accelerated(motion: MotionFile, top: TopSpec, R: np.ndarray, unloaded: np.nd
     return np.concatenate([np.cross(com[None, :], force), force], axis=1)
 
 
-def _bridged(places: np.ndarray, time: np.ndarray) -> np.ndarray:
+def bridged(places: np.ndarray, time: np.ndarray) -> np.ndarray:
     """Markers with straight lines over their gaps."""
     result = places.copy()
     for marker in range(places.shape[1]):

@@ -26,7 +26,7 @@ def read_source(table: Table) -> SourceSpec:
     frame = "world"
     if kind == "pressure_array":
         frame = table.choice("frame", ["body", "world"])
-        cells = _cell_map(table.path.parent / table.text("cells"))
+        cells = cell_map(table.path.parent / table.text("cells"))
         channels = tuple(cell.channel for cell in cells)
     elif kind != "force_plate":
         channels = table.texts("channels")
@@ -114,7 +114,7 @@ def _top(table: Table) -> TopSpec:
     return top
 
 
-def _cell_map(path: Path) -> tuple[CellSpec, ...]:
+def cell_map(path: Path) -> tuple[CellSpec, ...]:
     """Cells of a pressure array from a TOML file ([[cell]] tables) or a CSV file with the columns `CELL_COLUMNS`."""
     if path.suffix.lower() == ".toml":
         top = Table(path, "", read_toml(path))

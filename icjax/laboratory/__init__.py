@@ -1,10 +1,23 @@
-"""Virtual capture studio: an independent MuJoCo subject that is recorded as a motion-capture laboratory would.
+"""Virtual capture studio: independent MuJoCo subjects that are recorded as a motion-capture laboratory would.
+
+A finger taps and strokes a plate (`record`); a hand grasps and lifts free objects (`grasp_session`) or rolls a
+ball that measures pressure (`ball_session`).
 
 Nothing here is shared with the estimators or the synthesis; the truth is written apart from the recording.
 """
 
+from icjax.laboratory._ball_session import ball_session as ball_session
 from icjax.laboratory._dynamics import Truth as Truth
+from icjax.laboratory._free_object import FreeObject as FreeObject
+from icjax.laboratory._grasp import GraspTruth as GraspTruth
+from icjax.laboratory._grasp_session import grasp_session as grasp_session
+from icjax.laboratory._grasp_session import load_grasp as load_grasp
+from icjax.laboratory._grasp_session import regrasp as regrasp
+from icjax.laboratory._hand import HAND_JOINTS as HAND_JOINTS
+from icjax.laboratory._hand import Hand as Hand
 from icjax.laboratory._instruments import Noise as Noise
+from icjax.laboratory._lift import Lift as Lift
+from icjax.laboratory._pressure_ball import PressureBall as PressureBall
 from icjax.laboratory._record import Paths as Paths
 from icjax.laboratory._record import record as record
 from icjax.laboratory._replay import bump_under as bump_under

@@ -40,8 +40,8 @@ def xml(subject: Subject, surface: Surface, markers: dict[str, tuple[str, np.nda
     """MJCF text of the subject over the plate."""
     sites: dict[str, str] = {}
     for label, (body, position) in markers.items():
-        sites[body] = sites.get(body, "") + f'<site name="{label}" pos="{_row(position)}"/>'
-    plate_sites = "".join(f'<site name="{label}" pos="{_row(position)}"/>' for label, position in PLATE_MARKERS.items())
+        sites[body] = sites.get(body, "") + f'<site name="{label}" pos="{row(position)}"/>'
+    plate_sites = "".join(f'<site name="{label}" pos="{row(position)}"/>' for label, position in PLATE_MARKERS.items())
     hand, proximal, middle, distal = subject.lengths
     scale = subject.hand_length / 0.19
     stiffness = 1.0 / np.asarray(subject.compliance)
@@ -65,11 +65,11 @@ def xml(subject: Subject, surface: Surface, markers: dict[str, tuple[str, np.nda
              springref="{sag:.17g}"/>
       <body name="plate">
         <geom name="plate" type="box" size="0.3 0.1 0.004" pos="0 0 -0.004" mass="{PLATE_MASS}"/>
-        <site name="sensor" pos="0 0 {-SENSOR_DEPTH}" quat="{_row(_quaternion(SENSOR_ROTATION))}"/>
+        <site name="sensor" pos="0 0 {-SENSOR_DEPTH}" quat="{row(quaternion(SENSOR_ROTATION))}"/>
         {plate_sites}
       </body>
     </body>
-    <body name="forearm" pos="{_row(forearm_origin(subject))}">
+    <body name="forearm" pos="{row(forearm_origin(subject))}">
       <joint name="forearm_x" type="slide" axis="1 0 0" stiffness="{BASE_STIFFNESS[0]}" damping="{BASE_DAMPING[0]}"/>
       <joint name="forearm_z" type="slide" axis="0 0 1" stiffness="{BASE_STIFFNESS[1]}" damping="{BASE_DAMPING[1]}"/>
       <joint name="forearm_pitch" type="hinge" axis="0 1 0" pos="-0.2 0 0"
@@ -93,7 +93,7 @@ def xml(subject: Subject, surface: Surface, markers: dict[str, tuple[str, np.nda
               <joint name="DIP" {spring[3]}/>
               <geom type="capsule" fromto="0.002 0 0 {distal - 0.004:.6g} 0 0" size="{0.007 * scale:.6g}"/>
               {sites.get("distal", "")}
-              <site name="pad" pos="{_row(subject.pad_offset)}"/>
+              <site name="pad" pos="{row(subject.pad_offset)}"/>
             </body>
           </body>
         </body>
@@ -108,11 +108,13 @@ def xml(subject: Subject, surface: Surface, markers: dict[str, tuple[str, np.nda
 """
 
 
-def _row(values) -> str:
+def row(values) -> str:
+    """Numbers of an MJCF attribute, exactly."""
     return " ".join(f"{float(value):.17g}" for value in values)
 
 
-def _quaternion(rotation: np.ndarray) -> np.ndarray:
+def quaternion(rotation: np.ndarray) -> np.ndarray:
+    """Of a rotation matrix, w first."""
     result = np.zeros(4)
     mujoco.mju_mat2Quat(result, rotation.reshape(-1).astype(float))
     return result

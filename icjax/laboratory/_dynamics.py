@@ -3,6 +3,7 @@
 import dataclasses
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline
@@ -50,10 +51,15 @@ class Truth:
 
     def save(self, path: str | os.PathLike) -> Path:
         """Write every field to one NumPy archive."""
-        path = Path(path)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        np.savez(path, **{field.name: getattr(self, field.name) for field in dataclasses.fields(self)})
-        return path
+        return save_fields(self, path)
+
+
+def save_fields(truth: Any, path: str | os.PathLike) -> Path:
+    """Write every field of a dataclass to one NumPy archive."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.savez(path, **{field.name: getattr(truth, field.name) for field in dataclasses.fields(truth)})
+    return path
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,7 +81,7 @@ def simulate(subject: Subject, surface: Surface, command: np.ndarray, markers: M
     the plate, in its own axes, about its own point, together with the weight and inertia of the plate above it.
     """
     model = build(subject, surface, markers)
-    force = _applied(model, command)
+    force = feed_forward(model, command, _driven(model), TIMESTEP)
     free = _run_free(model, command, force)
     touching = _run_touching(model, subject, surface, command, force) if surface.lowered == 0.0 else free
     positions, names = _positions(model, touching.q[::FRAME])
@@ -94,12 +100,14 @@ class Run:
     point: np.ndarray
 
 
-def _applied(model: MjModel, command: np.ndarray) -> np.ndarray:
-    """Generalised force [step, nv] of the command: inverse dynamics where it is written down, splined between."""
+def feed_forward(model: MjModel, command: np.ndarray, address: list[int], timestep: float) -> np.ndarray:
+    """Generalised force [step, nv] of a command [frame, coordinate] of the coordinates at `address`.
+
+    Inverse dynamics where the command is written down, splined between.
+    """
     knots = np.arange(len(command)) / RATE
     spline = make_interp_spline(knots, command, k=5)
     position, velocity, acceleration = (spline(knots, order) for order in range(3))
-    address = _driven(model)
     data = mujoco.MjData(model)
     wanted = np.empty_like(command)
     for frame in range(len(command)):
@@ -108,10 +116,23 @@ def _applied(model: MjModel, command: np.ndarray) -> np.ndarray:
         data.qacc[address] = acceleration[frame]
         mujoco.mj_inverse(model, data)
         wanted[frame] = data.qfrc_inverse[address]
-    time = np.minimum(np.arange(FRAME * len(command)) * TIMESTEP, knots[-1])
-    force = np.zeros((len(time), model.nv))
+    steps = round(1.0 / (RATE * timestep)) * len(command)
+    time = np.minimum(np.arange(steps) * timestep, knots[-1])
+    force = np.zeros((steps, model.nv))
     force[:, address] = CubicSpline(knots, wanted)(time)
     return force
+
+
+def run_applied(model: MjModel, data: MjData, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates before every step [step, nq] and readings [step, sensor] under a generalised force: one call."""
+    full = mujoco.mjtState.mjSTATE_FULLPHYSICS
+    initial = np.zeros(mujoco.mj_stateSize(model, full))
+    mujoco.mj_getState(model, data, initial, full)
+    states, sensed = rollout(
+        model, data, initial[None], force[None], control_spec=int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
+    )
+    states = np.concatenate([initial[None], states[0, :-1]])
+    return states[:, 1 : 1 + model.nq], sensed[0]
 
 
 def _start(model: MjModel, command: np.ndarray) -> MjData:
@@ -123,17 +144,10 @@ def _start(model: MjModel, command: np.ndarray) -> MjData:
 
 
 def _run_free(model: MjModel, command: np.ndarray, force: np.ndarray) -> Run:
-    """Without anything to touch: one call into MuJoCo."""
-    data = _start(model, command)
-    full = mujoco.mjtState.mjSTATE_FULLPHYSICS
-    initial = np.zeros(mujoco.mj_stateSize(model, full))
-    mujoco.mj_getState(model, data, initial, full)
-    states, sensed = rollout(
-        model, data, initial[None], force[None], control_spec=int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
-    )
-    states = np.concatenate([initial[None], states[0, :-1]])
+    """Without anything to touch."""
+    q, sensed = run_applied(model, _start(model, command), force)
     nothing = np.zeros((len(force), 3))
-    return Run(q=states[:, 1 : 1 + model.nq], sensed=sensed[0], contact=nothing, point=nothing)
+    return Run(q=q, sensed=sensed, contact=nothing, point=nothing)
 
 
 def _run_touching(model: MjModel, subject: Subject, surface: Surface, command: np.ndarray, force: np.ndarray) -> Run:

@@ -15,7 +15,9 @@ class Noise:
     """Errors of the instruments and restlessness of the subject, all as standard deviations unless said.
 
     Lengths in m, forces in N, torques in Nm, angles in rad, times in s. `dropout` is the share of marker samples
-    that the cameras miss. `Noise.none()` is a perfect studio with a perfectly steady subject.
+    that the cameras miss. `force` to `drift` are of a plate's sensor; `film` (N) is the white noise of a film sensor on
+    a fingertip and `film_gain` its error of gain, constant in a session. `Noise.none()` is a perfect studio with a
+    perfectly steady subject.
     """
 
     marker: float = 0.20e-3
@@ -26,6 +28,8 @@ class Noise:
     torque: float = 0.2e-3
     bias: float = 0.10
     drift: float = 0.010
+    film: float = 0.015
+    film_gain: float = 0.03
     tremor: float = math.radians(0.04)
     sway: float = 0.10e-3
     variation: float = math.radians(0.15)
@@ -36,6 +40,8 @@ class Noise:
             value = getattr(self, field.name)
             if not (math.isfinite(value) and value >= 0.0):
                 raise ValueError(f"noise: {field.name} must be finite and not negative, got {value}")
+        if self.film_gain > 0.3:
+            raise ValueError(f"noise: film_gain must be at most 0.3, got {self.film_gain}")
         if self.dropout > 0.2:
             raise ValueError(f"noise: dropout must be at most 0.2, got {self.dropout}")
         if self.timing > 0.03:
@@ -109,6 +115,27 @@ def restless(command: np.ndarray, noise: Noise, generator: np.random.Generator) 
     for axis in (0, 1):
         result[:, axis] = wander(frames, noise.sway, 0.1, 1.5, generator)
     for joint in range(4):
-        result[:, 3 + joint] += wander(frames, noise.variation, 0.1, 1.0, generator)
-        result[:, 3 + joint] += wander(frames, noise.tremor, 3.0, 12.0, generator)
+        result[:, 3 + joint] += unsteady(frames, noise, generator)
     return result
+
+
+def restless_hand(command: np.ndarray, noise: Noise, generator: np.random.Generator) -> np.ndarray:
+    """The command [frame, 24] of forearm (x, y, z; m) and joints (rad) as the subject manages it."""
+    result = command.copy()
+    for axis in range(3):
+        result[:, axis] += wander(len(command), noise.sway, 0.1, 1.5, generator)
+    for joint in range(3, command.shape[1]):
+        result[:, joint] += unsteady(len(command), noise, generator)
+    return result
+
+
+def unsteady(frames: int, noise: Noise, generator: np.random.Generator) -> np.ndarray:
+    """Slow variation and tremor of one joint [frame], rad."""
+    slow = wander(frames, noise.variation, 0.1, 1.0, generator)
+    return slow + wander(frames, noise.tremor, 3.0, 12.0, generator)
+
+
+def films(pressed: np.ndarray, gain: np.ndarray, noise: Noise, generator: np.random.Generator) -> np.ndarray:
+    """Measured normal forces [sample, finger], N: gain, white noise, rounding; a film shows no negative force."""
+    measured = pressed * gain + noise.film * generator.standard_normal(pressed.shape)
+    return np.maximum(np.round(measured / FORCE_STEP) * FORCE_STEP, 0.0)

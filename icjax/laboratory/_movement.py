@@ -115,7 +115,7 @@ def command(
             if stage > 0.0 and place != target:
                 path = _path(subject, surface, place, target)
                 later = time >= begin
-                theta[later] = path(_minimum_jerk((time[later] - begin) / stage))
+                theta[later] = path(minimum_jerk((time[later] - begin) / stage))
             begin += stage
     return theta
 
@@ -171,11 +171,12 @@ def _descent(hover: float, depth: float, speed: float) -> float:
     """Duration of a minimum-jerk descent of hover + depth that passes the plate's top at `speed`, s."""
     distance = hover + depth
     u = np.linspace(0.0, 1.0, 2001)
-    at_top = u[np.searchsorted(_minimum_jerk(u), hover / distance)]
+    at_top = u[np.searchsorted(minimum_jerk(u), hover / distance)]
     return float(30.0 * at_top**2 * (1.0 - at_top) ** 2 * distance / speed)
 
 
-def _minimum_jerk(u: np.ndarray) -> np.ndarray:
+def minimum_jerk(u: np.ndarray) -> np.ndarray:
+    """Fraction of the way at the fraction u of the time."""
     u = np.clip(u, 0.0, 1.0)
     return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
 

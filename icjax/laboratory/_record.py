@@ -28,7 +28,7 @@ Progress = Callable[[float], object]
 
 @dataclasses.dataclass(frozen=True)
 class Paths:
-    """What `record` wrote: `session` is the file to hand to the capture; `truth` is for judging only."""
+    """What was written: `session` is the file to hand to the capture; `truth` is for judging only."""
 
     session: Path
     trials: tuple[Path, ...]
