@@ -1,20 +1,19 @@
 """Where the object stands before it is grasped (Section 8.3)."""
 
+import dataclasses
 from collections.abc import Sequence
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from icjax.model import Model
-from icjax.spatial import quaternion_to_rotation
+from icjax.spatial import Pose, quaternion_to_rotation
 from icjax.synthesis._bodies import Target
 from icjax.synthesis._contacts import slots
 from icjax.synthesis._rollout import rollout
 from icjax.synthesis._scene import Scene
 from icjax.synthesis._stepper import StepInfo
-from icjax.typing import Real
 
 
 def place_objects(model: Model, scene: Scene, targets: Target, pads: Sequence[str] | None = None) -> Scene:
@@ -42,20 +41,18 @@ def place_objects(model: Model, scene: Scene, targets: Target, pads: Sequence[st
     last = int(np.argmax(together)) + 1
     there_and_back = jax.tree.map(lambda row: jnp.concatenate([row[:last], row[:last][::-1]]), targets)
     info = _through(model, scene, there_and_back)
-    moved = [
-        number
-        for position, quaternion in zip(info.object_position[-1], info.object_quaternion[-1], strict=True)
-        for number in (quaternion_to_rotation(quaternion), position, jnp.zeros(3), jnp.zeros(3))
-    ]
-    return eqx.tree_at(_places, scene, moved)
-
-
-def _places(scene: Scene) -> list[Real]:
-    return [
-        number
-        for item in scene.objects
-        for number in (item.pose.rotation, item.pose.position, item.velocity, item.angular_velocity)
-    ]
+    still = jnp.zeros(3)
+    placed = tuple(
+        item
+        if item.driven
+        else dataclasses.replace(
+            item, pose=Pose(quaternion_to_rotation(quaternion), position), velocity=still, angular_velocity=still
+        )
+        for item, position, quaternion in zip(
+            scene.objects, info.object_position[-1], info.object_quaternion[-1], strict=True
+        )
+    )
+    return dataclasses.replace(scene, objects=placed)
 
 
 def _through(model: Model, scene: Scene, targets: Target) -> StepInfo:

@@ -1,5 +1,6 @@
 """Many steps: one scan, with or without a policy."""
 
+import dataclasses
 from typing import Any
 
 import equinox as eqx
@@ -126,15 +127,6 @@ def _limited(model: Model) -> int:
 
 
 def _renamed(item: Object, name: str) -> Object:
-    weighed = {} if item.driven else {"mass": item.mass, "inertia": item.inertia}
-    return Object(
-        name,
-        item.shape,
-        item.friction,
-        **weighed,
-        com=item.com,
-        pose=item.pose,
-        velocity=item.velocity,
-        angular_velocity=item.angular_velocity,
-        driven=item.driven,
-    )
+    if item.driven:
+        return Object(name, item.shape, item.friction, com=item.com, pose=item.pose, driven=True)
+    return dataclasses.replace(item, name=name)
