@@ -11,7 +11,7 @@ from icjax.geometry import Box, Plane
 from icjax.spatial import Pose
 from icjax.synthesis import Object, Scene, Surface, Target, place_objects
 
-STEPS = 100
+STEPS = 300
 
 
 def grasp(height):
@@ -35,7 +35,8 @@ def test_the_object_is_pushed_to_the_middle_and_let_go():
     x, y, z = np.asarray(placed.objects[0].pose.position)
     # the right finger, bent by mu m g of the table, has pushed it until the left one touched
     bent = 0.2 * 0.05 * 9.81 * (FINGER + PAD)
-    assert abs(x) < bent + 1e-4
+    coasting = (0.014 / (STEPS * scene.step)) ** 2 / (2 * 0.2 * 9.81)  # what it slides on when the finger stops
+    assert abs(x) < bent + coasting + 1e-4
     np.testing.assert_allclose([y, z], [0.0, HALF[2]], atol=1e-6)
     np.testing.assert_array_equal(placed.objects[0].velocity, 0.0)
     assert placed.objects[0].name == "box"
