@@ -12,7 +12,8 @@ contacts with two facet pairs (n = 60). Every part runs in a process of its own:
   (12 000 numbers and more); differences through MuJoCo take a rollout a number;
 - many: 256 rollouts with other compliances, frictions and masses, on one CPU device and on two (`shard_map`).
 
-Written to experiments/results/rollout.json.
+Written to experiments/results/rollout.json. On a machine with an accelerator `--part accelerator` writes
+rollout_gpu.json: rollouts a second under `vmap`.
 """
 
 import argparse
@@ -28,6 +29,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 RESULT = HERE.parent / "results" / "rollout.json"
 FACETS, CONTACTS = 2, 10
+PARTS = ("one", "gradient", "many", "mujoco", "accelerator")
 REPEATS = 5
 
 
@@ -166,6 +168,44 @@ def many(count: int = 256) -> dict:
     return rows
 
 
+def accelerator(batches: tuple[int, ...] = (64, 1024, 4096)) -> dict:
+    """Rollouts a second of one accelerator under `vmap`, and of one core of its host."""
+    import jax
+    import jax.numpy as jnp
+    import numpy as np
+
+    run, (compliance, friction, mass, reference) = setting()
+    random = np.random.default_rng(5)
+    rows: dict = {"device": jax.devices()[0].device_kind, "steps": reference.shape[0]}
+
+    def each(*varied):
+        info = run(*varied, reference)
+        return info.object_position[-1, 0, 2], jnp.sum(info.status > 0)
+
+    for count in batches:
+        varied = (
+            jnp.asarray(random.uniform(0.7, 1.4, (count, 1))) * compliance[None],
+            jnp.asarray(random.uniform(0.6, 1.2, count)),
+            jnp.asarray(random.uniform(0.01, 0.1, count)),
+        )
+        function, compiling = compiled(jax.vmap(each), *varied)
+        (height, unsolved), seconds = best(function, *varied, repeats=2)
+        rows[f"batch of {count}"] = {
+            "rollouts a second": count / seconds,
+            "seconds": seconds,
+            "compile s": compiling,
+            "lifted": int(np.sum(np.asarray(height) > 0.08)),
+            "unsolved steps": int(np.sum(np.asarray(unsolved))),
+        }
+        print(count, rows[f"batch of {count}"], flush=True)
+    with jax.default_device(jax.devices("cpu")[0]):
+        single = jax.device_put((compliance, friction, mass, reference), jax.devices("cpu")[0])
+        function, _ = compiled(run, *single)
+        _, seconds = best(function, *single)
+    rows["one core of its host, rollouts a second"] = 1.0 / seconds
+    return rows
+
+
 def mujoco() -> dict:
     """MuJoCo C through its Python bindings."""
     import mujoco as mj
@@ -210,11 +250,14 @@ def apart(part: str, **environment: str) -> dict:
 def main() -> None:
     """Measure, print, write."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--part", choices=("one", "gradient", "many", "mujoco"), help="print one part as JSON")
+    parser.add_argument("--part", choices=PARTS, help="print one part as JSON")
     parser.add_argument("--mjx", type=Path, help="Python of an environment with mujoco-mjx")
     arguments = parser.parse_args()
     if arguments.part:
-        print(json.dumps(globals()[arguments.part]()))
+        found = globals()[arguments.part]()
+        print(json.dumps(found))
+        if arguments.part == "accelerator":
+            RESULT.with_name("rollout_gpu.json").write_text(json.dumps(rounded(found), indent=1) + "\n")
         return
     rows: dict = {}
     with tempfile.TemporaryDirectory() as cache:

@@ -7,12 +7,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from icjax.geometry import Placed, Plane, Shape, Sphere
+from icjax.geometry import Manifold, Placed, Shape, contact_manifold, manifold_size
 from icjax.model import Model, frames, jacobian_at
 from icjax.spatial import gamma
 from icjax.synthesis._object import Motion
 from icjax.synthesis._scene import Scene
-from icjax.typing import Float, Real
+from icjax.typing import Bool, Float, Real
 
 FIXED = -1
 """In place of an object's number: a surface."""
@@ -30,6 +30,7 @@ class Contacts(eqx.Module):
     - `jacobian`: J_i of the relative motion, first body minus second (Eq. 4): columns of the hand, then six of each
       object (rotation, centre of mass; world axes).
     - `rotation`: of the body that carries the pad, to world; the identity where there is no pad.
+    - `active`: whether there is a point at all; two solids have fewer or more of them as they turn.
     """
 
     point: Float[Real, "slot 3"]
@@ -37,6 +38,7 @@ class Contacts(eqx.Module):
     gap: Float[Real, " slot"]
     jacobian: Float[Real, "slot 3 coordinate"]
     rotation: Float[Real, "slot 3 3"]
+    active: Bool[Real, " slot"]
 
 
 class Slots(NamedTuple):
@@ -55,7 +57,7 @@ class Slots(NamedTuple):
 
 
 def slots(model: Model, scene: Scene) -> Slots:
-    """Every pad with every surface and object; then objects' corners with surfaces and other objects.
+    """Every pad with every surface and object; then the contact points of objects with surfaces and other objects.
 
     **Errors**: `ValueError` for a thing that has the name of a pad, friction of a pair whose names are neither pads,
     surfaces nor objects, and two things whose contact would not be found.
@@ -80,9 +82,9 @@ def slots(model: Model, scene: Scene) -> Slots:
         item, (second, thing) = scene.objects[first], things[at]
         mu = scene.friction_of(item.name, thing.name)
         mu = jnp.minimum(item.friction, thing.friction) if mu is None else mu
-        count = _probe_count(item.shape)
-        corners = [""] if count == 1 else [f".{corner}" for corner in range(1, count + 1)]
-        rows += [(f"{item.name}{corner}/{thing.name}", -1, first, second, mu) for corner in corners]
+        count = manifold_size(item.shape, thing.shape)
+        numbers = [""] if count == 1 else [f".{number}" for number in range(1, count + 1)]
+        rows += [(f"{item.name}{number}/{thing.name}", -1, first, second, mu) for number in numbers]
     if not rows:
         raise ValueError("nothing in the scene can touch anything: it needs a surface, or a model with pads")
     pad = np.array([row[1] for row in rows], int)
@@ -98,7 +100,7 @@ def slots(model: Model, scene: Scene) -> Slots:
 
 
 def slot_names(model: Model, scene: Scene) -> tuple[str, ...]:
-    """Names of the contact slots, `first/second`: pads on surfaces and objects, then corners of objects."""
+    """Names of the contact slots, `first/second`: pads on surfaces and objects, then points of objects, numbered."""
     return slots(model, scene).names
 
 
@@ -120,45 +122,31 @@ def find_contacts(
     centres = [pose.apply(item.com) for item, pose in zip(scene.objects, poses, strict=True)]
     parts: list[Any] = [_of_pads(model, q, things)] if model.pad_names else []
     for first, second in _meetings(scene):
-        parts.append(_of_corners(placed[first], centres[first], things[second], q.dtype))
-    distance, normal, centre, radius, rotation = (jnp.concatenate(part) for part in zip(*parts, strict=True))
+        parts.append(_rigid(contact_manifold(placed[first], things[second]), q.dtype))
+    normal, gap, point, rotation, active = (jnp.concatenate(part) for part in zip(*parts, strict=True))
     table = slots(model, scene)
-    point = centre - radius[:, None] * normal
     if pad_force is not None:
         point = point + table.compliance[:, None] * jnp.einsum("iab,ib->ia", rotation, pad_force)
     jacobian = _relative_jacobian(model, q, table, point, centres)
-    return Contacts(point=point, normal=normal, gap=distance - radius, jacobian=jacobian, rotation=rotation)
+    return Contacts(point, normal, gap, jacobian, rotation, active)
 
 
 def _meetings(scene: Scene) -> list[tuple[int, int]]:
-    """Number of an object, and the place of what its corners may touch among surfaces and objects.
-
-    A ball is its own corner, exact against every solid; the corners of others find all contacts with planes only: faces
-    may lie on each other without a corner of either inside the other.
-    """
+    """Number of an object, and the place of what it may touch among surfaces and objects."""
     things = (*scene.surfaces, *scene.objects)
+    fixed = len(scene.surfaces)
     found = []
     for number, item in enumerate(scene.objects):
-        own = number + len(scene.surfaces)
-        for other in [place for place in range(len(things)) if place < len(scene.surfaces) or place > own]:
-            if item.driven and (other < len(scene.surfaces) or scene.objects[other - len(scene.surfaces)].driven):
+        for other in [place for place in range(len(things)) if place < fixed or place > number + fixed]:
+            if item.driven and (other < fixed or scene.objects[other - fixed].driven):
                 continue
-            first, second = own, other
-            if other > own and not _finds(item.shape, things[other].shape):
-                first, second = other, own
-            if not _finds(things[first].shape, things[second].shape):
+            if not manifold_size(item.shape, things[other].shape):
+                kinds = (type(_core(thing.shape)).__name__.lower() for thing in (item, things[other]))
                 raise ValueError(
-                    f"contact of {item.name!r} with {things[other].name!r} is not implemented: an object that is no "
-                    "ball meets planes and ball objects only"
+                    f"contact of {item.name!r} with {things[other].name!r} is not implemented: {' and '.join(kinds)}"
                 )
-            found.append((first - len(scene.surfaces), second))
+            found.append((number, other))
     return found
-
-
-def _finds(first: Shape, second: Shape) -> bool:
-    """Whether the corners of the first find all contacts with the second."""
-    first, second = _core(first), _core(second)
-    return isinstance(first, Sphere) or (isinstance(second, Plane) and not isinstance(first, Plane))
 
 
 def _core(shape: Shape) -> Shape:
@@ -172,15 +160,15 @@ def _of_pads(model: Model, q: Real, things: list[Shape]):
     distance = jnp.stack([jax.vmap(thing.signed_distance)(centres) for thing in things], axis=1).reshape(-1)
     normal = jnp.stack([jax.vmap(thing.normal)(centres) for thing in things], axis=1).reshape(-1, 3)
     pads = np.repeat(np.arange(len(model.pad_names)), len(things))
-    return distance, normal, centres[pads], jnp.asarray(model.pad_radius)[pads], carriers.rotation[pads]
+    radius = jnp.asarray(model.pad_radius)[pads]
+    point = centres[pads] - radius[:, None] * normal
+    return normal, distance - radius, point, carriers.rotation[pads], jnp.ones(len(pads), bool)
 
 
-def _of_corners(item: Placed, middle: Real, thing: Shape, dtype):
-    """The object's probes against another thing, chosen by the direction in which that one lies."""
-    centre, radius = item.probes(-thing.normal(middle))
-    distance, normal = jax.vmap(thing.signed_distance)(centre), jax.vmap(thing.normal)(centre)
-    rotation = jnp.broadcast_to(jnp.eye(3, dtype=dtype), (centre.shape[0], 3, 3))
-    return distance, normal, centre, radius, rotation
+def _rigid(manifold: Manifold, dtype):
+    count = manifold.gap.shape[0]
+    rotation = jnp.broadcast_to(jnp.eye(3, dtype=dtype), (count, 3, 3))
+    return manifold.normal, manifold.gap, manifold.point, rotation, manifold.active
 
 
 def _relative_jacobian(model: Model, q: Real, table: Slots, point: Real, centres: list[Real]):
@@ -198,7 +186,3 @@ def _relative_jacobian(model: Model, q: Real, table: Slots, point: Real, centres
         sign = jnp.asarray((table.first == number).astype(int) - (table.second == number).astype(int), point.dtype)
         blocks.append(sign[:, None, None] * jax.vmap(gamma)(point - centre[None]))
     return jnp.concatenate(blocks, axis=2)
-
-
-def _probe_count(shape: Shape) -> int:
-    return jax.eval_shape(shape.probes, jax.ShapeDtypeStruct((3,), jnp.result_type(float))).radius.shape[0]

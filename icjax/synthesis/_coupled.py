@@ -72,7 +72,7 @@ def coupled(
     """
     closing = here.gap + jnp.einsum("ia,iad,d->i", here.normal, here.jacobian, free)
     loaded = jnp.sum(pad_force**2, axis=1) > 0
-    slots, crowded = _places(jnp.where(loaded, -jnp.inf, closing), scene.contacts)
+    slots, crowded = _places(jnp.where(loaded, -jnp.inf, jnp.where(here.active, closing, jnp.inf)), scene.contacts)
     friction, compliance = table.friction[slots], table.compliance[slots]
     padded = jnp.asarray(table.pad >= 0)[slots]
     here, pad_force = jax.tree.map(lambda values: values[slots], (here, pad_force))
@@ -91,7 +91,7 @@ def coupled(
         gap=jnp.where(padded, here.gap, jnp.maximum(here.gap, -PARTING * scene.step)),
         frames=jax.vmap(contact_frame)(here.normal),
         friction=friction,
-        active=jnp.ones(count, bool),
+        active=here.active,
         limit_gap=limit.gap,
     )
     return Coupled(problem, J, slots, limit.jacobian, crowded | limit.crowded)

@@ -31,8 +31,9 @@ class PairFriction(eqx.Module):
 class Scene(eqx.Module):
     """Surfaces and free objects; the pads of a model may touch all of them, objects the surfaces and each other.
 
-    A bump on a plate is two surfaces, a plane and an ellipsoid. Ball objects meet everything; one of another shape
-    meets planes and ball objects only, and a scene in which it could meet anything else is refused when it is used.
+    A bump on a plate is two surfaces, a plane and an ellipsoid. Contact of objects is that of
+    [`contact_manifold`][icjax.geometry.contact_manifold]; a scene in which two things could meet that it does not know
+    is refused when it is used.
 
     **Fields**
 
