@@ -1,8 +1,9 @@
-"""Solids as signed distances: differentiable shapes with closest points, normals, mass properties and corners."""
+"""Solids as signed distances: shapes with closest points, normals, mass properties, corners and faces."""
 
 from icjax.geometry._box import Box as Box
 from icjax.geometry._ellipsoid import Ellipsoid as Ellipsoid
 from icjax.geometry._plane import Plane as Plane
+from icjax.geometry._polytope import Polytope as Polytope
 from icjax.geometry._prism import Prism as Prism
 from icjax.geometry._prism import wedge as wedge
 from icjax.geometry._round import Capsule as Capsule

@@ -5,10 +5,13 @@ import itertools
 import jax.numpy as jnp
 import numpy as np
 
+from icjax.geometry._polytope import Polytope, prism
 from icjax.geometry._shape import MassProperties, Probes, Shape, corner
 from icjax.typing import Scalar, Vector3
 
 _CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+_OUTLINE = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
+_OUTWARD = np.array([(0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)])
 
 
 class Box(Shape):
@@ -45,3 +48,9 @@ class Box(Shape):
         """The eight corners."""
         dtype = self.half_sizes.dtype
         return Probes(self.half_sizes[None] * jnp.asarray(_CORNERS, dtype), jnp.zeros(8, dtype))
+
+    def polytope(self) -> Polytope:
+        """Corners, faces and edges."""
+        dtype = self.half_sizes.dtype
+        outline = self.half_sizes[None, :2] * jnp.asarray(_OUTLINE, dtype)
+        return prism(outline, jnp.asarray(_OUTWARD, dtype), self.half_sizes[2])

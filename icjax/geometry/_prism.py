@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
+from icjax.geometry._polytope import Polytope, prism
 from icjax.geometry._shape import MassProperties, Probes, Shape, corner, length_and_direction, one_of
 from icjax.typing import Float, Real, Scalar, Vector3
 
@@ -91,6 +92,12 @@ class Prism(Shape):
         ends = self.half_length * jnp.repeat(jnp.array([-1.0, 1.0], self.outline.dtype), count)
         centre = jnp.concatenate([jnp.tile(self.outline, (2, 1)), ends[:, None]], axis=1)
         return Probes(centre, jnp.zeros(2 * count, self.outline.dtype))
+
+    def polytope(self) -> Polytope:
+        """Corners, faces and edges."""
+        edge = jnp.roll(self.outline, -1, axis=0) - self.outline
+        along = edge / jnp.sqrt(jnp.sum(edge**2, axis=1, keepdims=True))
+        return prism(self.outline, jnp.stack([along[:, 1], -along[:, 0]], axis=1), self.half_length)
 
 
 def wedge(width: float, height: float, depth: float, tilt: float) -> Prism:
