@@ -14,7 +14,8 @@ class Manifold(eqx.Module):
 
     **Fields**
 
-    - `point`: on the surface of the first solid, m; that of the second is `point - gap * normal`.
+    - `point`: on the surface of the first solid (of a capsule, on a ball about its axis), m; the one opposite, on the
+      second, is `point - gap * normal`.
     - `normal`: outward unit normal of the second solid, towards the first.
     - `gap`: between the solids along the normal, negative where they overlap, m.
     - `active`: whether there is a point; where not, the gap is a kilometre, and point and normal are finite and
