@@ -10,13 +10,25 @@ from icjax.typing import Float, Real
 def compliant_dofs(model: Model) -> tuple[int, ...]:
     """Degrees of freedom to which Eq. 1 applies with an unknown compliance.
 
-    A free joint (a moving root) is driven, and so is a coordinate whose stated compliance is zero.
+    A free joint (a moving root) is driven, or yields as the model states, and a coordinate whose stated compliance is
+    zero is driven too.
     """
     driven = np.zeros(model.nv, dtype=bool)
     for kind, dofs in zip(model.joint_types, model.dof_slices, strict=True):
         driven[dofs] = kind == "free"
     stated = np.asarray(model.compliance)
     return tuple(int(dof) for dof in np.flatnonzero(~driven & (stated != 0)))
+
+
+def yielding_root(model: Model) -> tuple[int, ...]:
+    """Degrees of freedom of free joints that yield as the model states: the arm behind a hand (Section 6.2)."""
+    stated = np.asarray(model.compliance)
+    return tuple(
+        dof
+        for kind, dofs in zip(model.joint_types, model.dof_slices, strict=True)
+        for dof in range(dofs.start, dofs.stop)
+        if kind == "free" and 0 < stated[dof] < np.inf
+    )
 
 
 def dofs_of(model: Model, name: str) -> tuple[int, ...]:

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from icjax.estimation._contact_compliance import ACCEPTED, contacts_that_load, free_interval
-from icjax.estimation._joints import compliant_dofs, dofs_of
+from icjax.estimation._joints import compliant_dofs, dofs_of, yielding_root
 from icjax.estimation._options import EstimationOptions
 from icjax.interaction import CompliancePerEvent, JointCompliance
 from icjax.model import Model, integrate
@@ -45,7 +45,7 @@ def compliance_path(
     with an infinite standard deviation: the joint is then treated as rigid, and `sources` says so. Each event
     uses its own estimate where it was accepted, its standard error is below its value and `options.source` is
     "event", else the default. Driven
-    degrees of freedom (the root) have none: zero.
+    degrees of freedom have none: zero; a free root yields as the model states (`STATED_SD`).
 
     **Arguments**
 
@@ -81,6 +81,10 @@ def compliance_path(
             courses = _mix(courses, np.asarray(target), weight)
         compliance[:, dof], deviation[:, dof] = courses
         sources[model.dof_names[dof]] = tuple(used)
+    for dof in yielding_root(model):
+        value, sd, source = _stated(model, dof)
+        compliance[:, dof], deviation[:, dof] = value, sd
+        sources[model.dof_names[dof]] = (source,)
     return CompliancePath(compliance, deviation, sources)
 
 
@@ -143,6 +147,10 @@ def _default(model: Model, dof: int, summary: JointCompliance, options: Estimati
         value, upper = float(summary.compliance[index]), float(summary.upper[index])
         if np.isfinite(value):
             return value, (upper - value) / 1.96, "session"
+    return _stated(model, dof)
+
+
+def _stated(model: Model, dof: int) -> tuple[float, float, str]:
     stated = float(model.compliance[dof])
     if np.isfinite(stated):
         return stated, STATED_SD * stated, "stated by the model"

@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hand_made import COMPLIANCE, chain, pressing
+from hand_made import COMPLIANCE, chain, pressing, recording
 
 from icjax.estimation import (
     EstimationOptions,
@@ -15,7 +15,7 @@ from icjax.estimation import (
     reference_trajectory,
     summarise,
 )
-from icjax.model import difference, integrate
+from icjax.model import difference, human_hand, integrate
 
 IDENTITY = 1e-12
 """Eq. 1 holds by construction; only rounding of numbers of order one is left."""
@@ -140,3 +140,20 @@ def test_sources_and_their_fallbacks():
     assert unknown.sources["joint2"][0] == "unknown, treated as rigid"
     np.testing.assert_array_equal(unknown.compliance[:, 2], 0.0)
     assert np.isinf(unknown.compliance_sd[:, 2]).all()
+
+
+def test_a_root_yields_as_the_model_states():
+    """The arm behind a hand (Section 6.2); a driven root does not."""
+    for root, expected in (("compliant", True), ("free", False)):
+        model = human_hand(root=root)
+        time = np.arange(200) / 500
+        q = np.tile(np.asarray(model.rest), (len(time), 1))
+        pads = len(model.pad_names)
+        made = recording(model, time, q, np.zeros((len(time), pads, 3)), np.full((len(time), pads, 3), np.nan))
+        path, _ = path_of(made)
+        arm = slice(0, 6)
+        stated = np.asarray(model.compliance)[arm] if expected else np.zeros(6)
+        assert np.all(stated > 0) == expected
+        np.testing.assert_array_equal(path.compliance[:, arm], np.tile(stated, (len(time), 1)))
+        np.testing.assert_array_equal(path.compliance_sd[:, arm], 0.5 * np.tile(stated, (len(time), 1)))
+        assert ("root_x" in path.sources) == expected
