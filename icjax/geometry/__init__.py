@@ -1,7 +1,10 @@
-"""Solids as signed distances: shapes with closest points, normals, mass properties, corners and faces."""
+"""Solids as signed distances: shapes with closest points, normals, mass properties, corners, and where they touch."""
 
 from icjax.geometry._box import Box as Box
+from icjax.geometry._contact import contact_manifold as contact_manifold
+from icjax.geometry._contact import manifold_size as manifold_size
 from icjax.geometry._ellipsoid import Ellipsoid as Ellipsoid
+from icjax.geometry._manifold import Manifold as Manifold
 from icjax.geometry._plane import Plane as Plane
 from icjax.geometry._polytope import Polytope as Polytope
 from icjax.geometry._prism import Prism as Prism
