@@ -61,6 +61,8 @@ step = 0.002
 facets = 4
 friction = 0.9
 gravity = [0, 0, -9.81]
+contacts = 6
+limits = 2
 [[surface]]
 name = "plate"
 shape = "plane"

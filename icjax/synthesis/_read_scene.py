@@ -19,6 +19,8 @@ def read_scene(path: str | os.PathLike) -> Scene:
         facets = 4                   # tangent pairs of the friction cone (default)
         friction = 0.9               # of surfaces and objects that state none
         gravity = [0, 0, -9.81]      # on objects, m/s2 (default)
+        contacts = 10                # room for so many at once; default: all that are possible
+        limits = 4                   # room for so many joint limits (default)
         [[surface]]                  # fixed in the world
         name = "plate"
         shape = "plane"
@@ -53,6 +55,7 @@ def read_scene(path: str | os.PathLike) -> Scene:
     step = top.number("step", 0.002, above=0.0)
     facets = top.whole("facets", 4, least=2)
     friction = top.number("friction", None, least=0.0)
+    contacts, limits = top.whole("contacts", None, least=1), top.whole("limits", 4)
     gravity = top.vector("gravity", (0.0, 0.0, -9.81))
     names: list[str] = []
     surfaces = tuple(_surface(table, friction, names) for table in top.tables("surface"))
@@ -64,7 +67,7 @@ def read_scene(path: str | os.PathLike) -> Scene:
         pairs.append(_pair(table, names, pairs))
     top.close()
     try:
-        return Scene(name, surfaces, facets, step, objects, gravity, tuple(pairs))
+        return Scene(name, surfaces, facets, step, objects, gravity, tuple(pairs), contacts, limits)
     except ValueError as error:
         raise FileError(path, str(error)) from error
 

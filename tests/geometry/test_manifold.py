@@ -1,3 +1,4 @@
+<<<<<<< HEAD
 """Contacts of solids against Minkowski differences and least squares; overlaps by hand; symmetry; derivatives."""
 
 import jax
@@ -15,6 +16,36 @@ from trimesh.proximity import closest_point_naive
 from icjax.geometry import (
     Box,
     Capsule,
+=======
+"""Contacts of boxes and prisms, balls and planes: Minkowski differences; overlaps by hand; symmetry; rounding."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull, HalfspaceIntersection
+from scipy.spatial.transform import Rotation
+from touching import (
+    BAR,
+    BOX,
+    CAPSULE,
+    EXACT,
+    KNIFE,
+    LYING,
+    PRISM,
+    assert_up,
+    at,
+    contact,
+    corners,
+    distance,
+    minkowski,
+    polytope,
+    random_pairs,
+    touch,
+)
+
+from icjax.geometry import (
+    Box,
+>>>>>>> manifold
     Cylinder,
     Ellipsoid,
     Placed,
@@ -25,6 +56,7 @@ from icjax.geometry import (
     manifold_size,
     wedge,
 )
+<<<<<<< HEAD
 from icjax.spatial import Pose, skew
 
 EXACT = 1e-12  # rounding, of sizes of order one
@@ -62,6 +94,11 @@ def random_pairs(first, second, count, seed, far):
     for k in range(count):
         near, off = generator.normal(size=(2, 3)) * [[0.1], [generator.uniform(0.0, far)]]
         yield Placed(first, Pose(turns[2 * k], near)), Placed(second, Pose(turns[2 * k + 1], off))
+=======
+from icjax.spatial import Pose
+
+FLAT = 0.02  # rad; edges whose normal is so close to a face's count as faces
+>>>>>>> manifold
 
 
 def assert_sound(first, second, found):
@@ -73,15 +110,19 @@ def assert_sound(first, second, found):
     np.testing.assert_allclose(np.where(found.active, away, 0.0), 0.0, atol=EXACT)
 
 
+<<<<<<< HEAD
 def corners(placed):
     return np.asarray(polytope(placed.shape).vertices) @ placed.pose.rotation.T + placed.pose.position
 
 
+=======
+>>>>>>> manifold
 def along(placed):
     """Normals of the faces."""
     return np.asarray(polytope(placed.shape).normals) @ placed.pose.rotation.T
 
 
+<<<<<<< HEAD
 def minkowski(vertices, others):
     """Of the differences: outward normals and offsets of the hull's faces, and its distance from the origin."""
     differences = (vertices[:, None] - others[None]).reshape(-1, 3)
@@ -90,6 +131,8 @@ def minkowski(vertices, others):
     return hull.equations[:, :3], hull.equations[:, 3], away
 
 
+=======
+>>>>>>> manifold
 @pytest.mark.parametrize(("first", "second"), [(BOX, BAR), (KNIFE, PRISM)], ids=["boxes", "prisms"])
 def test_polytopes_against_their_minkowski_difference(first, second):
     """Overlap is the distance of the origin from the surface of the difference; apart, from the difference."""
@@ -132,12 +175,15 @@ def test_exchange_and_common_motion():
         np.testing.assert_allclose(moved[0][again], point @ common.rotation.T + common.position, atol=nearly_parallel)
 
 
+<<<<<<< HEAD
 def assert_up(normals, gaps, gap, count):
     assert len(gaps) == count
     np.testing.assert_allclose(normals, np.tile([0.0, 0.0, 1.0], (count, 1)), atol=EXACT)
     np.testing.assert_allclose(gaps, gap, atol=EXACT)
 
 
+=======
+>>>>>>> manifold
 def area(points):
     return ConvexHull(points[:, :2]).volume
 
@@ -221,6 +267,7 @@ def test_bars_that_pass_each_other_do_not_touch():
     assert len(touch(Placed(UPPER, at([0.3, 0.0, 0.1])), Placed(LOWER, at([0, 0, 0])))[2]) == 0
 
 
+<<<<<<< HEAD
 def test_capsules_touch_with_both_ends_of_what_lies():
     rod = Capsule(0.01, 0.1)
     for lower, x, z in [
@@ -270,6 +317,8 @@ def test_capsules_are_as_far_from_boxes_as_their_axes():
     assert 20 < compared < 75
 
 
+=======
+>>>>>>> manifold
 def test_balls_touch_anything():
     ball, can = Placed(Sphere(0.1), at([0.5, 0.2, 0.7])), Cylinder(0.2, 0.3)
     points, normals, gaps = touch(ball, can)
@@ -299,6 +348,7 @@ def test_anything_touches_planes():
         assert manifold_size(solid, floor) == manifold_size(floor, solid) == count
 
 
+<<<<<<< HEAD
 def test_many_at_once():
     pairs = list(random_pairs(CAPSULE, CAPSULE, 5, 9, 1.0))
     many = jax.jit(jax.vmap(contact_manifold))(*jax.tree.map(lambda *each: jnp.stack(each), *pairs))
@@ -307,6 +357,8 @@ def test_many_at_once():
             np.testing.assert_allclose(found[k], expected, atol=EXACT)
 
 
+=======
+>>>>>>> manifold
 def test_sizes_and_what_is_not_implemented():
     assert manifold_size(BOX, wedge(0.8, 0.6, 1.0, 0.2)) == 8
     assert manifold_size(KNIFE, PRISM) == 9
@@ -316,6 +368,7 @@ def test_sizes_and_what_is_not_implemented():
         assert manifold_size(first, second) == manifold_size(second, first) == 0
     with pytest.raises(ValueError, match="Cylinder with a Box"):
         contact_manifold(cylinder, Placed(BOX, at([0.0, 0.0, 1.0])))
+<<<<<<< HEAD
 
 
 STACKED = 0.75  # the prisms' half lengths
@@ -391,3 +444,5 @@ def test_single_precision():
     rod = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), CAPSULE)
     for each in (found, jax.eval_shape(contact_manifold, rod, rod)):
         assert each.point.dtype == each.normal.dtype == each.gap.dtype == jnp.float32
+=======
+>>>>>>> manifold

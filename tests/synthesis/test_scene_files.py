@@ -179,6 +179,8 @@ def test_a_placed_ellipsoid_is_described_where_it_is():
 OBJECTS = """
 friction = 0.9
 gravity = [0, -9.81, 0]
+contacts = 12
+limits = 0
 [[surface]]
 name = "table"
 shape = "wedge"
@@ -222,6 +224,7 @@ def test_objects_gravity_and_pairs(tmp_path):
     scene = read_scene(path)
     cup, die = scene.objects
     np.testing.assert_array_equal(scene.gravity, [0.0, -9.81, 0.0])
+    assert (scene.contacts, scene.limits) == (12, 0)
     assert (float(cup.friction), float(die.friction), float(cup.mass)) == (0.4, 0.9, 0.2)
     np.testing.assert_array_equal(cup.com, [0.0, 0.0, -0.01])
     np.testing.assert_array_equal(cup.inertia, np.diag([3e-4, 3e-4, 1e-4]))
@@ -259,6 +262,7 @@ BAD_OBJECTS = {
     "two corners": (OUTLINE, "outline = [[0, 0], [0, 1]]", r"2 'die': key 'outline' is none of a prism: .*at least t"),
     "points": (OUTLINE, "outline = [1, 2, 3]", r"2 'die': key 'outline' must be a list of points \[x, y\]"),
     "wedge": ("tilt_degrees = 5", "tilt_degrees = 45", r"1 'table': key 'tilt_degrees' is 45: the sides would meet"),
+    "room": ("contacts = 12", "contacts = 0", r"key 'contacts' must be a whole number of at least 1"),
     "gravity": ("[0, -9.81, 0]", "-9.81", r"key 'gravity' must be three numbers"),
     "pair of strangers": (
         '"thumb", "cup"',
