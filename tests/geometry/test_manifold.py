@@ -1,22 +1,3 @@
-<<<<<<< HEAD
-"""Contacts of solids against Minkowski differences and least squares; overlaps by hand; symmetry; derivatives."""
-
-import jax
-import jax.numpy as jnp
-import numpy as np
-import pytest
-from derivatives import DIFFERENCE_TOLERANCE, MODES_TOLERANCE, STEP
-from jax.flatten_util import ravel_pytree
-from scipy.optimize import lsq_linear
-from scipy.spatial import ConvexHull, HalfspaceIntersection
-from scipy.spatial.transform import Rotation
-from trimesh import Trimesh
-from trimesh.proximity import closest_point_naive
-
-from icjax.geometry import (
-    Box,
-    Capsule,
-=======
 """Contacts of boxes and prisms, balls and planes: Minkowski differences; overlaps by hand; symmetry; rounding."""
 
 import jax.numpy as jnp
@@ -45,7 +26,6 @@ from touching import (
 
 from icjax.geometry import (
     Box,
->>>>>>> manifold
     Cylinder,
     Ellipsoid,
     Placed,
@@ -56,49 +36,9 @@ from icjax.geometry import (
     manifold_size,
     wedge,
 )
-<<<<<<< HEAD
-from icjax.spatial import Pose, skew
-
-EXACT = 1e-12  # rounding, of sizes of order one
-FLAT = 0.02  # rad; edges whose normal is so close to a face's count as faces
-BOX, BAR = Box(np.array([0.3, 0.5, 0.2])), Box(np.array([1.5, 0.05, 0.06]))
-PRISM = Prism(np.array([(-0.5, -0.3), (0.6, -0.4), (0.7, 0.2), (0.2, 0.5), (-0.1, 0.5)]), 0.35)
-KNIFE = Prism(np.array([(0.0, 0.0), (1.0, 0.0), (0.3, 0.2)]), 0.4)
-CAPSULE = Capsule(0.1, 0.4)
-LYING = (0.0, np.pi / 2, 0.0)
-
-compiled = jax.jit(contact_manifold)
-polytope = jax.jit(lambda solid: solid.polytope())
-distance = jax.jit(lambda solid, p: jax.vmap(solid.signed_distance)(p))
-
-
-def contact(first, second):
-    return jax.tree.map(np.asarray, compiled(first, second))
-
-
-def at(position, turned=(0.0, 0.0, 0.0)):
-    return Pose(Rotation.from_rotvec(turned).as_matrix(), np.asarray(position, float))
-
-
-def touch(first, second):
-    """Active points, their normals and gaps, by place."""
-    found = contact(first, second)
-    points, normals, gaps = (part[found.active] for part in (found.point, found.normal, found.gap))
-    order = np.lexsort(np.round(points, 9).T)
-    return points[order], normals[order], gaps[order]
-
-
-def random_pairs(first, second, count, seed, far):
-    generator = np.random.default_rng(seed)
-    turns = Rotation.random(2 * count, random_state=seed).as_matrix()
-    for k in range(count):
-        near, off = generator.normal(size=(2, 3)) * [[0.1], [generator.uniform(0.0, far)]]
-        yield Placed(first, Pose(turns[2 * k], near)), Placed(second, Pose(turns[2 * k + 1], off))
-=======
 from icjax.spatial import Pose
 
 FLAT = 0.02  # rad; edges whose normal is so close to a face's count as faces
->>>>>>> manifold
 
 
 def assert_sound(first, second, found):
@@ -110,29 +50,11 @@ def assert_sound(first, second, found):
     np.testing.assert_allclose(np.where(found.active, away, 0.0), 0.0, atol=EXACT)
 
 
-<<<<<<< HEAD
-def corners(placed):
-    return np.asarray(polytope(placed.shape).vertices) @ placed.pose.rotation.T + placed.pose.position
-
-
-=======
->>>>>>> manifold
 def along(placed):
     """Normals of the faces."""
     return np.asarray(polytope(placed.shape).normals) @ placed.pose.rotation.T
 
 
-<<<<<<< HEAD
-def minkowski(vertices, others):
-    """Of the differences: outward normals and offsets of the hull's faces, and its distance from the origin."""
-    differences = (vertices[:, None] - others[None]).reshape(-1, 3)
-    hull = ConvexHull(differences)
-    away = closest_point_naive(Trimesh(differences, hull.simplices, process=False), np.zeros((1, 3)))[1][0]
-    return hull.equations[:, :3], hull.equations[:, 3], away
-
-
-=======
->>>>>>> manifold
 @pytest.mark.parametrize(("first", "second"), [(BOX, BAR), (KNIFE, PRISM)], ids=["boxes", "prisms"])
 def test_polytopes_against_their_minkowski_difference(first, second):
     """Overlap is the distance of the origin from the surface of the difference; apart, from the difference."""
@@ -175,15 +97,6 @@ def test_exchange_and_common_motion():
         np.testing.assert_allclose(moved[0][again], point @ common.rotation.T + common.position, atol=nearly_parallel)
 
 
-<<<<<<< HEAD
-def assert_up(normals, gaps, gap, count):
-    assert len(gaps) == count
-    np.testing.assert_allclose(normals, np.tile([0.0, 0.0, 1.0], (count, 1)), atol=EXACT)
-    np.testing.assert_allclose(gaps, gap, atol=EXACT)
-
-
-=======
->>>>>>> manifold
 def area(points):
     return ConvexHull(points[:, :2]).volume
 
@@ -267,58 +180,6 @@ def test_bars_that_pass_each_other_do_not_touch():
     assert len(touch(Placed(UPPER, at([0.3, 0.0, 0.1])), Placed(LOWER, at([0, 0, 0])))[2]) == 0
 
 
-<<<<<<< HEAD
-def test_capsules_touch_with_both_ends_of_what_lies():
-    rod = Capsule(0.01, 0.1)
-    for lower, x, z in [
-        (Placed(Box(np.array([0.3, 0.03, 0.02])), at([0, 0, 0])), (-0.06, 0.14), 0.02),  # all of it
-        (Placed(Box(np.array([0.05, 0.03, 0.02])), at([0, 0, 0])), (-0.05, 0.05), 0.02),  # over both edges
-        (Placed(Box(np.array([0.1, 0.03, 0.02])), at([0, 0, 0])), (-0.06, 0.1), 0.02),  # over one
-        (Placed(rod, at([0.0, 0.0, 0.0], LYING)), (-0.06, 0.1), 0.01),  # on one like it
-    ]:
-        above = Placed(rod, at([0.04, 0.0, z + 0.011], LYING))
-        points, normals, gaps = touch(above, lower)
-        assert_up(normals, gaps, 0.001, 2)
-        np.testing.assert_allclose(points, [(x[0], 0.0, z + 0.001), (x[1], 0.0, z + 0.001)], atol=EXACT)
-    beside = Placed(rod, at([0.0, 0.06, 0.06], LYING))  # along an edge
-    points, normals, gaps = touch(beside, Placed(Box(np.array([0.3, 0.05, 0.05])), at([0, 0, 0])))
-    np.testing.assert_allclose(gaps, np.sqrt(2) * 0.01 - 0.01, atol=EXACT)
-    np.testing.assert_allclose(np.sort(points[:, 0]), [-0.1, 0.1], atol=EXACT)
-
-
-def axis(placed):
-    return placed.pose.position, placed.pose.rotation[:, 2], float(placed.shape.half_length)
-
-
-def test_capsules_are_as_far_apart_as_their_axes():
-    """By least squares with bounds; the second point is of a ball inside."""
-    for one, two in random_pairs(CAPSULE, Capsule(0.2, 0.5), 80, 7, 1.5):
-        (p, u, h), (q, v, k) = axis(one), axis(two)
-        nearest = lsq_linear(np.stack([u, -v], axis=1), q - p, ([-h, -k], [h, k]), method="bvls", tol=1e-14)
-        found = contact(one, two)
-        expected = np.linalg.norm(nearest.fun) - 0.3
-        np.testing.assert_allclose(np.min(found.gap), expected, atol=1e-9)  # a root of least squares
-        other = found.point - found.gap[:, None] * found.normal
-        np.testing.assert_allclose(np.where(found.active, distance(two, other), 0.0), 0.0, atol=EXACT)
-        assert np.max(distance(one, found.point)) < EXACT
-
-
-def test_capsules_are_as_far_from_boxes_as_their_axes():
-    compared = 0
-    for one, two in random_pairs(CAPSULE, BOX, 80, 8, 1.0):
-        p, u, h = axis(one)
-        _, offsets, away = minkowski(np.stack([p - h * u, p + h * u]), corners(two))
-        found = contact(one, two)
-        if np.max(offsets) > 0.0:  # the axis is outside
-            compared += 1
-            np.testing.assert_allclose(np.min(found.gap), away - 0.1, atol=EXACT)
-        else:
-            assert np.min(found.gap) < -0.1 + EXACT
-    assert 20 < compared < 75
-
-
-=======
->>>>>>> manifold
 def test_balls_touch_anything():
     ball, can = Placed(Sphere(0.1), at([0.5, 0.2, 0.7])), Cylinder(0.2, 0.3)
     points, normals, gaps = touch(ball, can)
@@ -348,17 +209,6 @@ def test_anything_touches_planes():
         assert manifold_size(solid, floor) == manifold_size(floor, solid) == count
 
 
-<<<<<<< HEAD
-def test_many_at_once():
-    pairs = list(random_pairs(CAPSULE, CAPSULE, 5, 9, 1.0))
-    many = jax.jit(jax.vmap(contact_manifold))(*jax.tree.map(lambda *each: jnp.stack(each), *pairs))
-    for k, pair in enumerate(pairs):
-        for found, expected in zip(jax.tree.leaves(many), jax.tree.leaves(contact(*pair)), strict=True):
-            np.testing.assert_allclose(found[k], expected, atol=EXACT)
-
-
-=======
->>>>>>> manifold
 def test_sizes_and_what_is_not_implemented():
     assert manifold_size(BOX, wedge(0.8, 0.6, 1.0, 0.2)) == 8
     assert manifold_size(KNIFE, PRISM) == 9
@@ -368,81 +218,3 @@ def test_sizes_and_what_is_not_implemented():
         assert manifold_size(first, second) == manifold_size(second, first) == 0
     with pytest.raises(ValueError, match="Cylinder with a Box"):
         contact_manifold(cylinder, Placed(BOX, at([0.0, 0.0, 1.0])))
-<<<<<<< HEAD
-
-
-STACKED = 0.75  # the prisms' half lengths
-REGULAR = {
-    "prisms": [
-        (KNIFE, at([-0.3, -0.1, STACKED], [0.03, 0.05, 0.3]), PRISM, at([0, 0, 0])),  # a face of the second
-        (KNIFE, at([-0.3, -0.1, STACKED], [0.2, 0.1, 0.3]), PRISM, at([0, 0, 0], [0.19, 0.12, 0])),  # of the first
-        (KNIFE, at([0.0, 0.3, 0.5], [1.2, 0.1, 0.3]), PRISM, at([0, 0, 0])),  # edges
-    ],
-    "capsule-box": [
-        (CAPSULE, at([0.1, 0.0, 0.72], [0.1, 0.2, 0.3]), BOX, at([0, 0, 0])),  # an end over a face
-        (CAPSULE, at([0.05, 0.1, 0.3], [0.0, 1.6, 0.2]), BOX, at([0, 0, 0])),  # lying over both edges
-        (CAPSULE, at([0.45, 0.1, 0.3], [0.2, -0.7, 0.2]), BOX, at([0, 0, 0])),  # an edge
-        (CAPSULE, at([0.4, 0.6, 0.3], [0.8, 0.6, 0.1]), BOX, at([0, 0, 0])),  # a corner
-    ],
-    "capsules": [
-        (CAPSULE, at([0.2, 0.0, 0.35], [1.4, 0.3, 0.2]), CAPSULE, at([0, 0, 0], [0.2, 0.0, 0.0])),  # crossing
-        (CAPSULE, at([0.3, 0.1, 0.6], [0.3, 0.5, 0.3]), CAPSULE, at([0, 0, 0], [0.2, 0.0, 0.0])),  # an end beside
-    ],
-}
-SINGULAR = [at([0, 0, 0]), at([0, 0, 0.5]), at([0.5, 0, 0]), at([0.3, 0.5, 0.2]), at([0, 0, 0.3], LYING)]
-
-
-def turned(w):
-    """Rotation by a vector of length tan(angle / 2)."""
-    K = skew(w)
-    return jnp.eye(3) + 2.0 / (1.0 + jnp.sum(w**2)) * (K + K @ K)
-
-
-@pytest.mark.parametrize("name", REGULAR)
-def test_derivatives(name):
-    """Forward = reverse = difference in sizes, turns and places; finite where what touches is not unique."""
-
-    @jax.jit
-    def moved(x, pair):
-        """By changes of all numbers of the shapes, then turn and place of each."""
-        sizes, form = ravel_pytree([each.shape for each in pair])
-        changes = x[sizes.size :].reshape(2, 2, 3)
-        shapes = form(sizes + x[: sizes.size])
-        poses = [
-            Pose(turned(w) @ X.pose.rotation, X.pose.position + p) for (w, p), X in zip(changes, pair, strict=True)
-        ]
-        return [Placed(*each) for each in zip(shapes, poses, strict=True)]
-
-    def numbers(found, library=jnp):
-        return library.concatenate([found.point.reshape(-1), found.normal.reshape(-1), found.gap])
-
-    @jax.jit
-    def derivatives(pair):
-        x = jnp.zeros(ravel_pytree([each.shape for each in pair])[0].size + 12)
-        return [mode(lambda x: numbers(contact_manifold(*moved(x, pair))))(x) for mode in (jax.jacfwd, jax.jacrev)]
-
-    for first, X, second, Y in REGULAR[name]:
-        pair = Placed(first, X), Placed(second, Y)
-        forward, reverse = map(np.asarray, derivatives(pair))
-        steps = STEP * np.eye(forward.shape[1])
-        sides = [[numbers(contact(*moved(e, pair)), np) for e in (step, -step)] for step in steps]
-        central = np.stack([(plus - minus) / (2 * STEP) for plus, minus in sides], axis=1)
-        size = max(1.0, np.max(np.abs(forward)))
-        np.testing.assert_allclose(reverse, forward, rtol=0, atol=MODES_TOLERANCE * size, err_msg=f"{X}")
-        np.testing.assert_allclose(central, forward, rtol=0, atol=DIFFERENCE_TOLERANCE * size, err_msg=f"{X}")
-    for X in SINGULAR:
-        for found in derivatives((Placed(first, X), Placed(second, at([0, 0, 0])))):
-            assert np.isfinite(found).all(), X
-
-
-def test_single_precision():
-    pair = Placed(KNIFE, at([0.1, 0.2, 0.6], [0.2, 0.1, 0.3])), Placed(PRISM, at([0.0, 0.0, 0.0], [0.1, 0.0, 0.0]))
-    single = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), pair)
-    found, expected = contact(*single), contact(*pair)
-    np.testing.assert_array_equal(found.active, expected.active)
-    np.testing.assert_allclose(found.gap[found.active], expected.gap[expected.active], atol=2e-6)  # rounding
-    rod = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), CAPSULE)
-    for each in (found, jax.eval_shape(contact_manifold, rod, rod)):
-        assert each.point.dtype == each.normal.dtype == each.gap.dtype == jnp.float32
-=======
->>>>>>> manifold
