@@ -101,7 +101,7 @@ def main(config: Config) -> dict[str, Any]:
     found: dict[str, Rollout] = {}
     result: dict[str, Any] = {"data": SIMULATED, "captured": config.source, "friction": friction, "cases": {}}
     for name, (shape, mass, policy) in cases().items():
-        scene = dataclasses.replace(scene_of(recording, (shape, mass, 0.0)), facets=FACETS, contacts=10)
+        scene = dataclasses.replace(scene_of(recording, (shape, mass, 0.0)), facets=FACETS)
         found[name] = transfer(interaction, scene, policy=policy)
         result["cases"][name] = numbers(found[name], friction)
         print(name, result["cases"][name])

@@ -73,6 +73,7 @@ def scene_of(recording: Recording, solid: tuple[Shape, float, float]) -> Scene:
         surfaces=(Surface("table", Plane(np.array([0.0, 0.0, height]), np.array([0.0, 0.0, 1.0])), TABLE_FRICTION),),
         objects=(Object("object", shape, friction, mass=mass, pose=Pose(np.eye(3), np.array([0.0, 0.0, 0.025]))),),
         frictions=(PairFriction(("object", "table"), max(friction, TABLE_FRICTION)),),
+        contacts=10,
     )
 
 
