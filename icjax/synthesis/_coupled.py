@@ -20,6 +20,9 @@ PARTING = 0.1
 TOUCHING = 1e-9
 """m or rad; an overlap below it is rounding."""
 
+MISSED = 1e-5
+"""m or rad; by more than this nothing is overlapped at the end of a step that took no part in it."""
+
 
 class Coupled(eqx.Module):
     """The contact problem of a step, and the way from its rows to slots and coordinates.
@@ -29,15 +32,27 @@ class Coupled(eqx.Module):
     - `problem`: of the contacts and joint limits that take part.
     - `jacobian`: its rows over the coordinates of hand and objects.
     - `slots`: the slot of each contact.
+    - `limits`: which limits take part, lower ones first.
     - `limit_jacobian`: the last rows of `jacobian`, those of the limits.
-    - `crowded`: something that touches has found no place in the problem.
+    - `crowded`: something that touches already has found no place in the problem.
     """
 
     problem: ContactProblem
     jacobian: Float[Real, "row coordinate"]
     slots: Int[Real, " contact"]
+    limits: Int[Real, " limit"]
     limit_jacobian: Float[Real, "limit coordinate"]
     crowded: Bool[Real, ""]
+
+    def missed(self, there: Contacts, clearance: Float[Real, " end"]) -> Bool[Real, ""]:
+        """Whether the step has led into something that took no part in it.
+
+        **Arguments**: `there` geometry of all slots after the step, `clearance` of all limits (`limit_clearance`).
+        """
+        contacts = jnp.ones(there.gap.shape[0], bool).at[self.slots].set(False)
+        limits = jnp.ones(clearance.shape[0], bool).at[self.limits].set(False)
+        overlapped = jnp.any(contacts & there.active & (there.gap < -MISSED))
+        return overlapped | jnp.any(limits & (clearance < -MISSED))
 
     def pushed(self, value: ContactForces) -> Float[Real, " coordinate"]:
         """J^T f of contacts and limits."""
@@ -65,12 +80,12 @@ def coupled(
     The pad's term counts the tangential force from the one already there, so that a stuck finger does not creep;
     normally the gap is that of the undeformed pad and nothing is subtracted. $P_t$ projects on the tangent plane. Where
     the scene has room for fewer contacts than there are slots, loaded ones keep their place, and of the others those
-    take part that would be deepest without forces; likewise of the limits.
+    take part that are nearest, now or after the step without forces; likewise of the limits.
 
     **Arguments**: `here` geometry of all slots at `q`; `pad_force` f(k) on the fingers, in the frames of the bodies
     that carry the pads; `free` and `admittance` of all bodies.
     """
-    closing = here.gap + jnp.einsum("ia,iad,d->i", here.normal, here.jacobian, free)
+    closing = jnp.minimum(here.gap, here.gap + jnp.einsum("ia,iad,d->i", here.normal, here.jacobian, free))
     loaded = jnp.sum(pad_force**2, axis=1) > 0
     slots, crowded = _places(jnp.where(loaded, -jnp.inf, jnp.where(here.active, closing, jnp.inf)), scene.contacts)
     friction, compliance = table.friction[slots], table.compliance[slots]
@@ -94,7 +109,18 @@ def coupled(
         active=here.active,
         limit_gap=limit.gap,
     )
-    return Coupled(problem, J, slots, limit.jacobian, crowded | limit.crowded)
+    return Coupled(problem, J, slots, limit.chosen, limit.jacobian, crowded | limit.crowded)
+
+
+def limit_clearance(model: Model, q: Float[Real, " nq"], yielding: Float[Real, " nv"]) -> Float[Real, " end"]:
+    """Clearance of the lower limits of all hinges and slides, then of the upper ones; infinite of driven ones.
+
+    **Arguments**: `yielding` the diagonal of the compliance.
+    """
+    at, dof, sign = _ends(model)
+    ends = jnp.where(jnp.asarray(sign > 0), jnp.asarray(model.lower)[at], jnp.asarray(model.upper)[at])
+    gap = jnp.where(yielding[dof] > 0, jnp.asarray(sign, q.dtype) * (q[at] - ends), jnp.inf)
+    return jnp.where(jnp.isfinite(gap), gap, jnp.inf)  # so that no derivative meets an infinity
 
 
 def _places(order: Float[Real, " candidate"], room: int | None) -> tuple[Int[Real, " place"], Bool[Real, ""]]:
@@ -111,25 +137,28 @@ def _places(order: Float[Real, " candidate"], room: int | None) -> tuple[Int[Rea
 class _Limits(NamedTuple):
     gap: Float[Real, " limit"]
     jacobian: Float[Real, "limit coordinate"]
+    chosen: Int[Real, " limit"]
     crowded: Bool[Real, ""]
 
 
 def _limits(model: Model, scene: Scene, q: Real, free: Real, yielding: Real) -> _Limits:
-    """Clearances of the limits that are nearest; a driven joint follows its reference beyond them.
+    """Those that are nearest; a driven joint follows its reference beyond its limits."""
+    _, dof, sign = _ends(model)
+    gap = limit_clearance(model, q, yielding[: model.nv])
+    moved = jnp.asarray(sign, q.dtype) * free[dof]
+    finite = jnp.isfinite(gap)
+    closing = jnp.where(finite, jnp.where(finite, gap, 0.0) + jnp.minimum(moved, 0.0), jnp.inf)
+    chosen, crowded = _places(closing, scene.limits)
+    direction = jnp.asarray(sign, q.dtype)[:, None] * jax.nn.one_hot(dof, free.shape[0], dtype=q.dtype)
+    return _Limits(gap[chosen], direction[chosen], chosen, crowded)
 
-    **Arguments**: `yielding` the diagonal of the admittance.
-    """
+
+def _ends(model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coordinate, degree of freedom and sign of every limit that a hinge or slide may have."""
     joints = [
         (coordinate.start, dof.start)
         for kind, coordinate, dof in zip(model.joint_types, model.coordinate_slices, model.dof_slices, strict=True)
         if kind in ("hinge", "slide")
     ]
     at, dof = (np.array([joint[i] for joint in joints] * 2, int) for i in (0, 1))
-    sign = np.repeat([1.0, -1.0], len(joints))
-    ends = jnp.where(jnp.asarray(sign > 0), jnp.asarray(model.lower)[at], jnp.asarray(model.upper)[at])
-    gap = jnp.where(yielding[dof] > 0, jnp.asarray(sign, q.dtype) * (q[at] - ends), jnp.inf)
-    gap = jnp.where(jnp.isfinite(gap), gap, jnp.inf)  # so that no derivative meets an infinity
-    moved = jnp.asarray(sign, q.dtype) * free[dof]
-    chosen, crowded = _places(jnp.where(jnp.isfinite(gap), gap + moved, jnp.inf), scene.limits)
-    direction = jnp.asarray(sign, q.dtype)[:, None] * jax.nn.one_hot(dof, free.shape[0], dtype=q.dtype)
-    return _Limits(gap[chosen], direction[chosen], crowded)
+    return at, dof, np.repeat([1.0, -1.0], len(joints))

@@ -70,6 +70,8 @@ class Object(eqx.Module):
     ):
         if driven and not (mass is None and density is None and inertia is None):
             raise ValueError(f"object {name!r}: a driven object has no mass; got {mass or density or inertia}")
+        if driven and (np.any(known(velocity)) or np.any(known(angular_velocity))):
+            raise ValueError(f"object {name!r}: a driven object has no velocity of its own, only a path")
         if not driven and (mass is None) == (density is None):
             raise ValueError(f"object {name!r}: give its mass (kg) or its density (kg/m3)")
         if not isinstance(shape, Shape):

@@ -24,8 +24,8 @@ def place_objects(model: Model, scene: Scene, targets: Target, pads: Sequence[st
 
     **Returns**: the scene with the objects where the hand left them, at rest.
 
-    **Errors**: `ValueError` for a scene without free objects, unknown pads, or pads that never touch together, with the
-    ones that were missing when most did.
+    **Errors**: `ValueError` for a scene without free objects, unknown pads, steps that are not solved, or pads that
+    never touch together, with the ones that were missing when most did.
 
     **Source**: Kry and Pai (2006), Section 8.3.
     """
@@ -57,12 +57,19 @@ def place_objects(model: Model, scene: Scene, targets: Target, pads: Sequence[st
 
 def _through(model: Model, scene: Scene, targets: Target) -> StepInfo:
     """In chunks of one length, so that both ways share a compiled step."""
-    return rollout(model, scene, targets, progress=lambda done: None)[1]
+    info = rollout(model, scene, targets, progress=lambda done: None)[1]
+    failed = np.flatnonzero(np.asarray(info.status))
+    if failed.size:
+        raise ValueError(
+            f"{failed.size} of {len(info.status)} steps of the grasp are not solved, first row {failed[0]}"
+        )
+    return info
 
 
 def _touching(model: Model, scene: Scene, info: StepInfo) -> np.ndarray:
     """Whether each pad presses on an object, `[time, pad]`."""
     table = slots(model, scene)
     loaded = np.any(np.asarray(info.contact_force) != 0, axis=2)
-    columns = [loaded[:, (table.pad == pad) & (table.second >= 0)].any(axis=1) for pad in range(len(model.pad_names))]
+    free = np.array([not item.driven for item in scene.objects] + [False])[table.second]  # the last one is a surface
+    columns = [loaded[:, (table.pad == pad) & free].any(axis=1) for pad in range(len(model.pad_names))]
     return np.stack(columns, axis=1)

@@ -11,6 +11,7 @@ import numpy as np
 from icjax.model import Model
 from icjax.running import run
 from icjax.synthesis._bodies import Target
+from icjax.synthesis._check_targets import check_targets
 from icjax.synthesis._contacts import slots
 from icjax.synthesis._object import Object
 from icjax.synthesis._policies import Policy
@@ -64,9 +65,11 @@ def rollout(
     """
     if not (model.pad_names or scene.objects):
         raise ValueError(f"model {model.name!r} has no contact pads, and the scene no objects")
-    _check_targets(model, scene, targets)
+    check_targets(model, scene, targets, begins=state is None)
     slots(model, scene)  # errors with the names that people gave
-    scene = _unnamed(model, scene)
+    scene = dataclasses.replace(scene, limits=min(scene.limits, _limited(model)))
+    if policy is None:
+        scene = _unnamed(scene)
     model, targets = jax.tree.map(jnp.asarray, (model, targets))
     if state is None:
         state = _init(model, scene, targets.reference[0])
@@ -78,28 +81,7 @@ def rollout(
 _init = eqx.filter_jit(init)
 
 
-def _check_targets(model: Model, scene: Scene, targets: Target) -> None:
-    reference, compliance = jnp.shape(targets.reference), jnp.shape(targets.compliance)
-    if reference[1:] != (model.nq,) or compliance[1:] not in ((model.nv,), (model.nv, model.nv)):
-        found = reference[1:], compliance[1:]
-        raise ValueError(f"targets must be [time, {model.nq}] and [time, {model.nv}]; got [time, ...] {found}")
-    driven = sum(item.driven for item in scene.objects)
-    for name, value, rows, columns in (
-        ("wrench", targets.wrench, len(scene.objects), 6),
-        ("path", targets.path, driven, 7),
-    ):
-        if value is not None and jnp.shape(value)[1:] != (rows, columns):
-            of = "an object" if name == "wrench" else "a driven object"
-            raise ValueError(f"{name} must be [time, {rows}, {columns}], a row {of}; got {list(jnp.shape(value))}")
-    for name in ("reference", "compliance", "wrench", "path"):
-        value = getattr(targets, name)
-        value = None if value is None else known(value)
-        if value is not None and not np.isfinite(value).all():
-            row = int(np.argmin(np.isfinite(value).all(axis=tuple(range(1, value.ndim)))))
-            raise ValueError(f"targets: {name} is not finite, first in row {row}")
-
-
-def _unnamed(model: Model, scene: Scene) -> Scene:
+def _unnamed(scene: Scene) -> Scene:
     """The same scene without what only people read, so that scenes of one form share a compiled step."""
     names = [thing.name for thing in (*scene.surfaces, *scene.objects)]
     number = {name: f"#{index}" for index, name in enumerate(names)}
@@ -116,7 +98,7 @@ def _unnamed(model: Model, scene: Scene) -> Scene:
             for a, b in [pair.names]
         ),
         contacts=scene.contacts,
-        limits=min(scene.limits, _limited(model)),
+        limits=scene.limits,
     )
 
 

@@ -9,7 +9,7 @@ from icjax.model import Model, difference, integrate
 from icjax.results import RESULTS
 from icjax.synthesis._bodies import QuasiStaticHand, Target
 from icjax.synthesis._contacts import Contacts, find_contacts, slots
-from icjax.synthesis._coupled import coupled
+from icjax.synthesis._coupled import coupled, limit_clearance
 from icjax.synthesis._object import Motion, advanced, at_start, object_admittance
 from icjax.synthesis._scene import Scene
 from icjax.typing import Float, Int, Real
@@ -24,6 +24,9 @@ STATUSES = (
     RESULTS.crowded,
 )
 """Meaning of `StepInfo.status`, by its number."""
+
+
+INVALID = RESULTS.invalid_input
 
 
 class State(eqx.Module):
@@ -126,6 +129,8 @@ def step(model: Model, scene: Scene, state: State, target: Target) -> tuple[Stat
     # consistent to first order: r(k+1) - r(k) = J dq + R C_p (f(k+1) - f(k)) in the finger's frame.
     pad_force = jnp.einsum("iba,ib->ia", here.rotation, force)
     there = find_contacts(model, scene, q, pad_force, motions)
+    crowded = posed.crowded | posed.missed(there, limit_clearance(model, q, jnp.diagonal(hand.matrix)))
+    valid = jnp.all(jnp.isfinite(moved)) & jnp.all(jnp.isfinite(admittance))  # what is lost touches nothing
     torque = jnp.einsum("iad,ia->d", there.jacobian[:, :, :nv], force)
     limit_torque = posed.limit_jacobian[:, :nv].T @ solution.value.limit_force
     info = StepInfo(
@@ -141,7 +146,7 @@ def step(model: Model, scene: Scene, state: State, target: Target) -> tuple[Stat
         compliance=jnp.diagonal(hand.matrix),
         equilibrium_error=hand.matrix @ (torque + limit_torque) - difference(model, jnp.asarray(target.reference), q),
         residual=solution.stats["residual"],
-        status=_status(RESULTS.where(posed.crowded, RESULTS.crowded, solution.result)),
+        status=_status(RESULTS.where(valid, RESULTS.where(crowded, RESULTS.crowded, solution.result), INVALID)),
         margin=solution.value.margin,
         object_position=_rows([motion.position for motion in motions], 3, q.dtype),
         object_quaternion=_rows([motion.quaternion for motion in motions], 4, q.dtype),

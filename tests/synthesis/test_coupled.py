@@ -63,6 +63,51 @@ def test_limits_without_room_are_reported():
     np.testing.assert_allclose(info.q[-1], [0.0, 0.5, 1.0], atol=1e-12)
 
 
+SLIDES = load_model(
+    '<mujoco model="slides"><worldbody><body name="tip">'
+    + "".join(f'<joint name="y{i}" type="slide" axis="0 1 0" range="-0.01 0.01"/>' for i in range(3))
+    + '<joint name="z" type="slide" axis="0 0 1" range="-0.02 0.02"/>'
+    + '<geom name="pad" type="sphere" size="0.01" mass="0.01"/></body></worldbody></mujoco>'
+)
+
+
+@pytest.mark.parametrize("room", [4, 1])
+def test_a_limit_that_a_contact_leads_into_is_met_or_missed_aloud(room):
+    """Without the contact the spring would bring the joint back, so the limit is near only where it is now."""
+    model = dataclasses.replace(SLIDES, pad_compliance=np.full(1, 1e-3))
+    plane = Surface("plane", Plane(np.array([0.0, 0.0, 0.05]), UP), 0.0)
+    info = held(model, Scene("up", (plane,), limits=room), np.zeros(4), np.full(4, 0.01), steps=4)
+    statuses = [STATUSES[int(status)] for status in np.asarray(info.status)]
+    beyond = np.asarray(info.q)[:, 3] > 0.02 + 1e-9
+    assert beyond[0] == (statuses[0] == RESULTS.crowded)
+    # as soon as it is beyond its limit it is the nearest one
+    np.testing.assert_allclose(info.q[-1, 3], 0.02, atol=1e-12)
+    assert statuses[-1] == RESULTS.solved
+    assert info.limit_torque[-1, 3] < -1.0
+
+
+@pytest.mark.slow
+def test_a_push_that_goes_on_through_a_neighbour_is_no_success():
+    """Room for one contact: a pushed ball meets another only because it is pushed."""
+    balls = [
+        Object(name, Sphere(0.01), 0.0, mass=0.1, pose=Pose(np.eye(3), np.array([x, 0.0, 0.0])))
+        for name, x in (("near", 0.02), ("far", 0.04))
+    ]
+    pusher = Object("pusher", Sphere(0.01), 0.0, driven=True)
+    h, steps = 0.002, 20
+    path = np.zeros((steps, 1, 7))
+    path[:, 0, 0], path[:, 0, 3] = h * np.arange(1, steps + 1), 1.0
+    nothing = jnp.zeros((steps, 0))
+    for room in (1, 2):
+        scene = Scene("row", (), objects=(*balls, pusher), gravity=np.zeros(3), contacts=room)
+        _, info = rollout(NOBODY, scene, Target(nothing, nothing, path=path))
+        assert bool(info.status[0] == 0) == (room == 2)
+        if room == 2:
+            assert np.all(np.asarray(info.status) == 0)
+            gaps = np.diff(np.asarray(info.object_position)[:, [2, 0, 1], 0], axis=1) - 0.02
+            assert np.min(gaps) > -1e-9
+
+
 @pytest.mark.slow
 def test_derivatives_at_a_limit_and_under_load():
     """Of torque and angles with respect to reference, compliance and the limit, with the tip on a plane."""
@@ -141,8 +186,10 @@ def test_a_driven_plate_carries_a_box_as_far_as_friction_does(friction):
 def test_a_turning_driven_box_pushes_a_finger():
     """Its face comes 1 mm nearer: the tip yields by its share, C / (C + C_pad), without friction."""
     model = dataclasses.replace(TIP, pad_compliance=np.full(1, 0.001))
-    box = Object("pusher", Box(np.array([0.02, 0.03, 0.04])), 0.0, driven=True)
-    quarter = Rotation.from_euler("z", 90, degrees=True).as_quat(scalar_first=True)
+    turn = Rotation.from_euler("z", 90, degrees=True)
+    quarter = turn.as_quat(scalar_first=True)
+    start = Pose(turn.as_matrix(), np.array([-0.01, 0.0, 0.0]))
+    box = Object("pusher", Box(np.array([0.02, 0.03, 0.04])), 0.0, driven=True, pose=start)
     path = np.tile(np.concatenate([[0.001 - 0.01, 0.0, 0.0], quarter]), (3, 1, 1))
     info = held(model, Scene("push", (), objects=(box,)), [0.03 - 0.01 + 0.01, 0.0, 0.0], np.full(3, 0.01), path=path)
     # turned, the half size along x is 0.03, and its face lies at 0.03 - 0.009 = 0.021
@@ -164,3 +211,22 @@ def test_bad_targets_and_scenes_are_named():
     ball = Object("ball", Sphere(0.02), 0.5, driven=True)
     with pytest.raises(ValueError, match=r"path must be \[time, 1, 7\], a row a driven object"):
         held(TIP, Scene("ball", (FAR,), objects=(ball,)), np.zeros(3), np.full(3, 0.01), path=jnp.zeros((3, 2, 7)))
+    scene = Scene("ball", (FAR,), objects=(ball,))
+    for place, words in (
+        ([0, 0, 0, 0, 0, 0, 0], "path of 'ball': no unit quaternion .* in row 0"),
+        ([0.3, 0, 0, 1, 0, 0, 0], "path of 'ball' begins 300 mm and 0 rad from where it stands"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            held(TIP, scene, np.zeros(3), np.full(3, 0.01), path=np.tile(np.array(place, float), (3, 1, 1)))
+    for compliance, words in (
+        (np.array([0.01, -0.01, 0.01]), "compliance of y must not be negative; got -0.01 in row 0"),
+        (np.array([[0.01, 0.002, 0], [0, 0.01, 0], [0, 0, 0.01]]), "compliance is not symmetric, first in row 0"),
+        (np.array([[0.01, 0, 0.02], [0, 0.01, 0], [0.02, 0, 0.01]]), "negative eigenvalue -0.01 in row 0"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            held(TIP, Scene("plane", (FAR,)), np.zeros(3), compliance)
+    crossed = dataclasses.replace(ARM, lower=np.array([-np.inf, 0.5, -1]), upper=np.array([np.inf, -0.5, 1]))
+    with pytest.raises(ValueError, match="limits of turn are 0.5 to -0.5"):
+        held(crossed, Scene("plane", (FAR,)), np.zeros(3), np.full(3, 0.01))
+    with pytest.raises(ValueError, match="a driven object has no velocity"):
+        Object("ball", Sphere(0.02), 0.5, driven=True, velocity=[1.0, 0, 0])
