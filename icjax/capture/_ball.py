@@ -99,7 +99,7 @@ def ball_contacts(
     lie about zero, so what noise hides at the rim of a patch is not lost), its normal the mean direction of its cells
     above the threshold, weighted by their force:
 
-        f = sum_i v_i,   n = sum_i v_i d_i / |sum_i v_i d_i|,   r = R n.
+        f = sum_i v_i,   n = m / norm(m),   m = sum_i v_i d_i,   r = R n.
 
     Only the normal force is measured. Cells as large as a patch make r uncertain by about a quarter of their pitch.
 
