@@ -266,7 +266,7 @@ def main() -> None:
         rows["one rollout"]["compile from cache s"] = apart("one", **kept)["compile s"]
     rows["MuJoCo C"] = apart("mujoco")
     if arguments.mjx is not None:
-        command = [str(arguments.mjx.absolute()), str(HERE / "rollout_mjx.py"), "100"]
+        command = [str(arguments.mjx.absolute()), str(HERE / "rollout_mjx.py")]
         found = subprocess.run(command, capture_output=True, text=True, check=True)
         rows["MJX"] = json.loads(found.stdout.splitlines()[-1])
         rows["MJX over icjax"] = rows["MJX"]["seconds a step"] / rows["one rollout"]["seconds a step"]
