@@ -26,9 +26,6 @@ STATUSES = (
 """Meaning of `StepInfo.status`, by its number."""
 
 
-INVALID = RESULTS.invalid_input
-
-
 class State(eqx.Module):
     """Hand and objects at step k.
 
@@ -131,6 +128,8 @@ def step(model: Model, scene: Scene, state: State, target: Target) -> tuple[Stat
     there = find_contacts(model, scene, q, pad_force, motions)
     crowded = posed.crowded | posed.missed(there, limit_clearance(model, q, jnp.diagonal(hand.matrix)))
     valid = jnp.all(jnp.isfinite(moved)) & jnp.all(jnp.isfinite(admittance))  # what is lost touches nothing
+    result = RESULTS.where(crowded, RESULTS.crowded, solution.result)
+    result = RESULTS.where(valid, result, RESULTS.invalid_input)
     torque = jnp.einsum("iad,ia->d", there.jacobian[:, :, :nv], force)
     limit_torque = posed.limit_jacobian[:, :nv].T @ solution.value.limit_force
     info = StepInfo(
@@ -146,7 +145,7 @@ def step(model: Model, scene: Scene, state: State, target: Target) -> tuple[Stat
         compliance=jnp.diagonal(hand.matrix),
         equilibrium_error=hand.matrix @ (torque + limit_torque) - difference(model, jnp.asarray(target.reference), q),
         residual=solution.stats["residual"],
-        status=_status(RESULTS.where(valid, RESULTS.where(crowded, RESULTS.crowded, solution.result), INVALID)),
+        status=_status(result),
         margin=solution.value.margin,
         object_position=_rows([motion.position for motion in motions], 3, q.dtype),
         object_quaternion=_rows([motion.quaternion for motion in motions], 4, q.dtype),

@@ -1,8 +1,8 @@
 """Derivatives of a grasp's rollout against central differences: forces, object and joint angles after 1, 10, 100 steps.
 
-    python experiments/rollout_derivatives.py
+    python experiments/benchmarks/rollout_derivatives.py
 
-The lift of `benchmarks/rollout_scene.py` (five fingers, a box on a table) is entered at several moments: before the
+The lift of `rollout_scene.py` (five fingers, a box on a table) is entered at several moments: before the
 first touch, while the fingers close, at rest in the grip, while it is lifted, and held. From there the derivative with
 respect to all compliances together, one compliance, the whole reference, friction, mass and size of the box is taken in
 forward mode and compared with a central difference. A comparison counts where all slip states of the two perturbed
@@ -13,22 +13,19 @@ results/rollout_derivatives.json.
 
 import dataclasses
 import json
-import sys
 from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import rollout_scene as lift
 
-HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE / "benchmarks"))
+from icjax.geometry import Box, Plane
+from icjax.model import load_model
+from icjax.spatial import Pose
+from icjax.synthesis import Object, Scene, State, Surface, Target, rollout
 
-import rollout_scene as lift  # noqa: E402
-
-from icjax.geometry import Box, Plane  # noqa: E402
-from icjax.model import load_model  # noqa: E402
-from icjax.spatial import Pose  # noqa: E402
-from icjax.synthesis import Object, Scene, State, Surface, Target, rollout  # noqa: E402
+RESULT = Path(__file__).resolve().parents[1] / "results" / "rollout_derivatives.json"
 
 MOMENTS = {"before touch": 40, "closing": 110, "gripped": 160, "lifting": 250, "held": 380}
 """Steps of 2 ms after the start."""
@@ -103,7 +100,7 @@ def main() -> None:
                     row[output] = float(f"{np.max(np.abs(a - b)) / max(np.max(np.abs(a)), 1.0):.2g}")
                 found["rows"].append(row)
     told(found)
-    (HERE / "results" / "rollout_derivatives.json").write_text(json.dumps(found, indent=1) + "\n")
+    RESULT.write_text(json.dumps(found, indent=1) + "\n")
 
 
 def told(found: dict) -> None:
