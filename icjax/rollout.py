@@ -57,7 +57,7 @@ class Rollout(eqx.Module):
     )
 
     def slot_bodies(self) -> tuple[tuple[str, str], ...]:
-        """First and second body of every slot; an object's corner is the object.
+        """First and second body of every slot; an object's corner is the object, the end of a capsule its pad.
 
         **Returns**: of the slot ``cube.3/plate``, for example, (``cube``, ``plate``).
         """
@@ -69,9 +69,10 @@ class Rollout(eqx.Module):
         return tuple(first not in self.object_names for first, _ in self.slot_bodies())
 
     def _body(self, label: str) -> str:
-        if label in self.object_names or label in self.model.pad_names:
+        known = (*self.object_names, *self.model.pad_names)
+        if label in known:
             return label
-        return max((name for name in self.object_names if label.startswith(f"{name}.")), key=len, default=label)
+        return max((name for name in known if label.startswith(f"{name}.")), key=len, default=label)
 
     def save(self, path: str | os.PathLike) -> None:
         """Write one labelled netCDF file, complete or not at all."""

@@ -140,6 +140,7 @@ def changed_model(model: Model, sites: tuple[int, ...], parameters: Parameters, 
         joint_axis=jnp.einsum("jab,jb->ja", turns, jnp.asarray(model.joint_axis)),
         site_position=places,
         pad_centre=s[pad_bodies][:, None] * jnp.asarray(model.pad_centre),
+        pad_axis=None if model.pad_axis is None else s[pad_bodies][:, None] * jnp.asarray(model.pad_axis),
     )
 
 

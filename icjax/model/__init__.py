@@ -10,6 +10,7 @@ from icjax.model._coordinates import velocity_to_mujoco as velocity_to_mujoco
 from icjax.model._dynamics import gravity_torque as gravity_torque
 from icjax.model._dynamics import inverse_dynamics as inverse_dynamics
 from icjax.model._dynamics import mass_matrix as mass_matrix
+from icjax.model._edit import joined as joined
 from icjax.model._edit import lock_joints as lock_joints
 from icjax.model._edit import mirrored as mirrored
 from icjax.model._edit import part_of as part_of

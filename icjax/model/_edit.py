@@ -36,31 +36,39 @@ def with_sites(model: Model, sites: Mapping[str, tuple[str, tuple[float, float, 
 
 def with_pads(
     model: Model,
-    pads: Mapping[str, tuple[str, tuple[float, float, float], float]],
+    pads: Mapping[str, tuple],
     compliance: float = PAD_COMPLIANCE,
 ) -> Model:
     """The model with more contact pads, for a model file that has none where fingers touch.
 
-    **Arguments**: `pads` body, centre (m, body frame) and radius (m) by the new pad's name; `compliance` of each, m/N.
+    **Arguments**: `pads` by the new pad's name: body, centre (m, body frame) and radius (m) of a ball; of a capsule
+    also the half axis, from its centre to that of one end (m, body frame). `compliance` of each, m/N.
 
-    **Errors**: `ValueError` for a name that the model already has, an unknown body, a radius that is not positive or
-    a compliance that is negative.
+    **Errors**: `ValueError` for a name that the model already has, an unknown body, a radius that is not positive, an
+    axis that is zero or a compliance that is negative.
     """
-    for name, (_, _, radius) in pads.items():
+    for name, (_, _, radius, *axis) in pads.items():
         if name in model.pad_names:
             raise ValueError(f"pad {name!r} exists already")
         if not 0 < radius < np.inf:
             raise ValueError(f"radius of pad {name!r} is {radius} m; it must be above 0")
+        if axis and not (np.isfinite(axis[0]).all() and np.any(axis[0])):
+            raise ValueError(f"axis of pad {name!r} is {list(axis[0])} m; it must not be zero")
     if not 0 <= compliance < np.inf:
         raise ValueError(f"compliance is {compliance} m/N; it must be 0 or more")
-    centres = np.array([centre for _, centre, _ in pads.values()], dtype=float).reshape(-1, 3)
+    centres = np.array([pad[1] for pad in pads.values()], dtype=float).reshape(-1, 3)
+    axes = np.array([pad[3] if len(pad) > 3 else (0.0, 0.0, 0.0) for pad in pads.values()], dtype=float)
+    before = len(model.pad_names)
+    capsules = (*model.capsule_pads, *(before + at for at, pad in enumerate(pads.values()) if len(pad) > 3))
     return dataclasses.replace(
         model,
         pad_names=(*model.pad_names, *pads),
-        pad_bodies=(*model.pad_bodies, *(model.body(body) for body, _, _ in pads.values())),
+        pad_bodies=(*model.pad_bodies, *(model.body(pad[0]) for pad in pads.values())),
         pad_centre=np.concatenate([np.asarray(model.pad_centre).reshape(-1, 3), centres]),
-        pad_radius=np.concatenate([np.asarray(model.pad_radius), [radius for _, _, radius in pads.values()]]),
+        pad_radius=np.concatenate([np.asarray(model.pad_radius), [pad[2] for pad in pads.values()]]),
         pad_compliance=np.concatenate([np.asarray(model.pad_compliance), np.full(len(pads), compliance)]),
+        pad_axis=np.concatenate([_axes(model), axes.reshape(-1, 3)]) if capsules else None,
+        capsule_pads=capsules,
     )
 
 
@@ -88,6 +96,59 @@ def mirrored(model: Model) -> Model:
         zero=np.asarray(model.zero) * coordinates,
         rest=np.asarray(model.rest) * coordinates,
         gravity=np.asarray(model.gravity) * flip,
+        pad_axis=None if model.pad_axis is None else _axes(model) * flip,
+    )
+
+
+def joined(**models: Model) -> Model:
+    """Several bodies as one model, a left and a right hand for example: `joined(left=mirrored(hand), right=hand)`.
+
+    Names get the keyword in front ("left_thumb"); coordinates follow in the order of the arguments. Gravity and the
+    name are those of the first.
+
+    **Errors**: `ValueError` for no model.
+    """
+    if not models:
+        raise ValueError("joined needs at least one model")
+    parts, first = list(models.values()), next(iter(models.values()))
+    bodies = np.cumsum([0, *(len(part.body_names) - 1 for part in parts)])  # one world
+    pads = np.cumsum([0, *(len(part.pad_names) for part in parts)])
+
+    def renamed(kind: str) -> tuple[str, ...]:
+        return tuple(f"{key}_{name}" for key, part in models.items() for name in getattr(part, f"{kind}_names"))
+
+    def shifted(kind: str) -> tuple[int, ...]:
+        carriers = zip(bodies, (getattr(part, f"{kind}_bodies") for part in parts), strict=False)
+        return tuple(body + int(before) if body else 0 for before, found in carriers for body in found)
+
+    def stacked(name: str, skip: int = 0) -> np.ndarray:
+        values = [np.asarray(getattr(part, name)) for part in parts]
+        return np.concatenate([value[skip:] if at else value for at, value in enumerate(values)])
+
+    capsules = tuple(pad + int(before) for before, part in zip(pads, parts, strict=False) for pad in part.capsule_pads)
+    below = [name for key, part in models.items() for name in (f"{key}_{body}" for body in part.body_names[1:])]
+    parents = [
+        parent + int(before) if parent else 0
+        for before, part in zip(bodies, parts, strict=False)
+        for parent in part.body_parents[1:]
+    ]
+    by_pad = ("pad_centre", "pad_radius", "pad_compliance")
+    return dataclasses.replace(
+        first,
+        body_names=(first.body_names[0], *below),
+        body_parents=(first.body_parents[0], *parents),
+        joint_names=renamed("joint"),
+        joint_types=tuple(kind for part in parts for kind in part.joint_types),
+        joint_bodies=shifted("joint"),
+        site_names=renamed("site"),
+        site_bodies=shifted("site"),
+        pad_names=renamed("pad"),
+        pad_bodies=shifted("pad"),
+        **{name: stacked(name, skip=1) for name in BY_BODY},
+        **{name: stacked(name) for name in ("joint_position", "joint_axis", "site_position", *by_pad)},
+        **{name: stacked(name) for name in (*BY_COORDINATE, *BY_DOF)},
+        pad_axis=np.concatenate([_axes(part) for part in parts]) if capsules else None,
+        capsule_pads=capsules,
     )
 
 
@@ -156,8 +217,16 @@ def part_of(model: Model, body: str, free_root: bool = True) -> Model:
         **{name: np.asarray(getattr(model, name))[rows] for name in BY_BODY},
         site_position=np.asarray(model.site_position)[sites],
         **{name: np.asarray(getattr(model, name))[pads] for name in ("pad_centre", "pad_radius", "pad_compliance")},
+        pad_axis=None if model.pad_axis is None else _axes(model)[pads],
+        capsule_pads=tuple(new for new, old in enumerate(pads) if old in model.capsule_pads),
     )
     return _with_free_root(cut) if free_root else cut
+
+
+def _axes(model: Model) -> np.ndarray:
+    """Half axes of all pads, zero of balls."""
+    balls = np.zeros((len(model.pad_names), 3))
+    return balls if model.pad_axis is None else np.asarray(model.pad_axis).reshape(-1, 3)
 
 
 def _displacement(

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from icjax.model._edit import mirrored
+from icjax.model._edit import mirrored, with_pads
 from icjax.model._hand_dimensions import (
     BREADTH_RATIO,
     DENSITY,
@@ -37,7 +37,11 @@ Y, Z = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 def human_hand(
-    length: float = 0.19, breadth: float | None = None, side: str = "right", root: str = "compliant"
+    length: float = 0.19,
+    breadth: float | None = None,
+    side: str = "right",
+    root: str = "compliant",
+    pads: str = "fingertips",
 ) -> Model:
     """Forearm, hand and five fingers: 22 hinges on a root of six degrees of freedom.
 
@@ -83,15 +87,16 @@ def human_hand(
       little extended (Lee and Jung 2014), fingers curled. Nothing else uses it; the reference trajectory does not.
     - **Sites** three a segment over the back of the bones, four on the hand: "forearm1", "hand1", "index_proximal1" ...
     - **Pads** "thumb", "index", "middle", "ring", "little": spheres of 1/750 m/N on the palmar side of the last
-      segments; the middle finger's ends at `length` from the wrist.
+      segments; the middle finger's ends at `length` from the wrist. With `pads="fingers"` also capsules about the
+      other two segments of each digit, named as their bodies ("index_proximal", ...), and "palm" along the knuckles.
 
     **Arguments**: `length` m, wrist crease to tip of the middle finger; `breadth` m, across the knuckles (default
     0.45 of the length); `side` "right" or "left"; `root` "compliant" (the forearm floats on a free joint named
     "root" with the arm's compliance), "free" (the same joint driven: compliance 0) or "fixed" (it stands in the
-    world).
+    world); `pads` "fingertips" or "fingers".
 
-    **Errors**: `ValueError` for a length outside 0.1 to 0.3 m, a breadth outside 0.3 to 0.6 of it, an unknown side
-    or root.
+    **Errors**: `ValueError` for a length outside 0.1 to 0.3 m, a breadth outside 0.3 to 0.6 of it, an unknown side,
+    root or kind of pads.
 
     **Source**: Kry and Pai 2006, section 6.2 and Table 1; further sources beside the numbers in the module
     `icjax.model._hand_dimensions`.
@@ -105,7 +110,11 @@ def human_hand(
         raise ValueError(f"side is {side!r}; it must be 'right' or 'left'")
     if root not in ("compliant", "free", "fixed"):
         raise ValueError(f"root is {root!r}; it must be 'compliant', 'free' or 'fixed'")
+    if pads not in ("fingertips", "fingers"):
+        raise ValueError(f"pads is {pads!r}; it must be 'fingertips' or 'fingers'")
     model = load_model(_mjcf(length, breadth, root != "fixed"))
+    if pads == "fingers":
+        model = with_pads(model, _surfaces(length, breadth))
     if root != "fixed":
         model = _with_root_compliance(model, root == "compliant")
     return model if side == "right" else mirrored(model)
@@ -120,6 +129,21 @@ def _with_root_compliance(model: Model, compliant: bool) -> Model:
         compliance=np.concatenate([arm, np.asarray(model.compliance)[6:]]),
         damping=np.concatenate([damping, np.asarray(model.damping)[6:]]),
     )
+
+
+def _surfaces(length: float, breadth: float) -> dict[str, tuple]:
+    """Capsules from joint to joint, and across the palm under the knuckles."""
+    found = {}
+    for name in ("thumb", *FINGERS):
+        segments = ("metacarpal", "proximal") if name == "thumb" else ("proximal", "middle")
+        for segment, ratio in zip(segments, SEGMENT_RATIOS[name][:2], strict=True):
+            radius = RADII[segment] * breadth * (1.0 if segment == "metacarpal" else THICKNESS[name])
+            half = (0.5 * ratio * length, 0.0, 0.0)
+            found[f"{name}_{segment}"] = (f"{name}_{segment}", half, radius, half)
+    ends = np.array([KNUCKLE_ACROSS["index"], KNUCKLE_ACROSS["little"]]) * breadth
+    radius = 0.5 * PALM[1] * length
+    middle, half = (PALM[0] * length - radius, ends.mean(), 0.0), (0.0, 0.5 * np.ptp(ends), 0.0)
+    return found | {"palm": ("hand", middle, radius, half)}
 
 
 def _mjcf(length: float, breadth: float, floats: bool) -> str:

@@ -15,6 +15,9 @@ from icjax.model._xml import prepared_xml
 GRAVITY_DISABLED = 1 << 7
 """Bit of MuJoCo's mjDSBL_GRAVITY."""
 
+BALL, CAPSULE = 2, 3
+"""MuJoCo's mjGEOM_SPHERE and mjGEOM_CAPSULE."""
+
 PAD_COMPLIANCE = 1.0 / 750.0
 """Compliance of a fingertip pad where the file states none, m/N (750 N/m)."""
 
@@ -35,9 +38,9 @@ def load_model(
 
     - Compliance is 1 / joint stiffness, infinite where there is no spring; `springref` becomes `rest`, `ref` `zero`.
     - Limits of hinges and slides are kept; limits of balls are not coordinates and count as something dropped.
-    - **Pads** are sphere geoms: those in a default class named "pad", those whose name starts with "pad", and those
-      listed in `pads`. The first number of a geom's `user` attribute is the pad's compliance in m/N; without it
-      1/750 m/N is taken.
+    - **Pads** are sphere and capsule geoms: those in a default class named "pad", those whose name starts with "pad",
+      and those listed in `pads`. The first number of a geom's `user` attribute is the pad's compliance in m/N; without
+      it 1/750 m/N is taken.
     - A **URDF** file states no root joint, so its first link stands fixed in the world; `free_root` lets it float.
       Links joined by fixed joints stay bodies of their own.
 
@@ -72,7 +75,7 @@ def load_model(
         raise FileError(path, f"holds what a model cannot keep (strip=True drops it): {', '.join(dropped)}")
     if dropped:
         warnings.warn(f"{path}: dropped {', '.join(dropped)}", stacklevel=2)
-    return _copied(compiled, _pads_by_id(mujoco, compiled, pad_geoms, path))
+    return _copied(compiled, _pads_by_id(compiled, pad_geoms, path))
 
 
 def _pad_geoms(spec: Any, asked: dict[str, str], path: str) -> dict[str, str]:
@@ -90,11 +93,11 @@ def _pad_geoms(spec: Any, asked: dict[str, str], path: str) -> dict[str, str]:
     return found | asked
 
 
-def _pads_by_id(mujoco: Any, compiled: Any, pad_geoms: dict[str, str], path: str) -> dict[str, int]:
+def _pads_by_id(compiled: Any, pad_geoms: dict[str, str], path: str) -> dict[str, int]:
     chosen = {name: compiled.geom(geom).id for name, geom in pad_geoms.items()}
     for name, geom in chosen.items():
-        if compiled.geom_type[geom] != mujoco.mjtGeom.mjGEOM_SPHERE:
-            raise FileError(path, f"pad {name!r} is not a sphere")
+        if compiled.geom_type[geom] not in (BALL, CAPSULE):
+            raise FileError(path, f"pad {name!r} is neither a sphere nor a capsule")
     return chosen
 
 
@@ -135,6 +138,8 @@ def _copied(m: Any, pads: dict[str, int]) -> Model:
     else:
         pad_compliance = np.full(len(pad_ids), PAD_COMPLIANCE)
     axes = _matrices(m.body_iquat)
+    capsules = m.geom_type[pad_ids] == CAPSULE
+    pad_axis = _matrices(m.geom_quat)[pad_ids, :, 2] * np.where(capsules, m.geom_size[pad_ids, 1], 0.0)[:, None]
     return Model(
         name=m.names[: m.names.index(b"\x00")].decode(),
         body_names=_names(m.body, m.nbody, "body"),
@@ -165,6 +170,8 @@ def _copied(m: Any, pads: dict[str, int]) -> Model:
         pad_radius=m.geom_size[pad_ids, 0].copy(),
         pad_compliance=pad_compliance,
         gravity=np.array(m.opt.gravity) * float(not m.opt.disableflags & GRAVITY_DISABLED),
+        pad_axis=pad_axis if capsules.any() else None,
+        capsule_pads=tuple(int(pad) for pad in np.flatnonzero(capsules)),
     )
 
 

@@ -5,7 +5,7 @@
 import equinox as eqx
 import numpy as np
 
-from icjax.files import labelled, names, static
+from icjax.files import labelled, names, optional, static
 from icjax.typing import Float, Real
 
 POSITION_SIZE = {"hinge": 1, "slide": 1, "ball": 4, "free": 7}
@@ -64,10 +64,16 @@ class Model(eqx.Module):
     damping: Float[Real, " dof"] = labelled("dof", unit="Nm s/rad or N s/m")
     armature: Float[Real, " dof"] = labelled("dof", unit="kg m2 or kg", doc="inertia added to the diagonal")
     site_position: Float[Real, "site 3"] = labelled("site", "axis", unit="m", doc="marker site, body frame")
-    pad_centre: Float[Real, "pad 3"] = labelled("pad", "axis", unit="m", doc="contact sphere centre, body frame")
+    pad_centre: Float[Real, "pad 3"] = labelled(
+        "pad", "axis", unit="m", doc="centre of the ball or capsule, body frame"
+    )
     pad_radius: Float[Real, " pad"] = labelled("pad", unit="m")
     pad_compliance: Float[Real, " pad"] = labelled("pad", unit="m/N", doc="soft pad between bone and surface")
     gravity: Float[Real, "3"] = labelled("axis", unit="m/s2")
+    pad_axis: Float[Real, "pad 3"] | None = optional(
+        "pad", "axis", unit="m", doc="from the centre of a capsule to that of its end, body frame; zero of a ball"
+    )
+    capsule_pads: tuple[int, ...] = static(default=())  # the others are balls
 
     def __check_init__(self):
         """**Errors**: `ValueError` for a topology that is none, or arrays that do not fit it."""
@@ -99,6 +105,11 @@ class Model(eqx.Module):
             for name, kind in zip(self.joint_names, self.joint_types, strict=True)
             for suffix in suffixes[kind]
         )
+
+    @property
+    def pad_types(self) -> tuple[str, ...]:
+        """Of each pad "ball" or "capsule"."""
+        return tuple("capsule" if pad in self.capsule_pads else "ball" for pad in range(len(self.pad_names)))
 
     @property
     def coordinate_slices(self) -> tuple[slice, ...]:
@@ -163,6 +174,9 @@ def _topology_problem(model: Model) -> str | None:
         for name, body in zip(getattr(model, f"{kind}_names"), getattr(model, f"{kind}_bodies"), strict=False):
             if body not in range(bodies):
                 return f"{kind}_bodies: {kind} {name!r} is on body {body} of {bodies}"
+    for pad in model.capsule_pads:
+        if pad not in range(len(model.pad_names)) or model.pad_axis is None:
+            return f"capsule_pads: pad {pad} is none, or pad_axis is not stated"
     sizes = {
         "body_parents": bodies,
         "body_position": bodies,

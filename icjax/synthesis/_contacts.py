@@ -11,6 +11,7 @@ from icjax.geometry import Manifold, Placed, Shape, contact_manifold, manifold_s
 from icjax.model import Model, frames, jacobian_at
 from icjax.spatial import gamma
 from icjax.synthesis._object import Motion
+from icjax.synthesis._pads import pad_contacts, pad_pairs
 from icjax.synthesis._scene import Scene
 from icjax.typing import Bool, Float, Real
 
@@ -23,7 +24,7 @@ class Contacts(eqx.Module):
 
     **Fields**
 
-    - `point`: contact point r_i. Of a pad on its deformed surface: its centre minus radius times normal plus the pad's
+    - `point`: contact point r_i. Of a pad on its deformed surface: that of its undeformed one plus the pad's
       deformation under the force that it carries, world, m. A loaded point lies on the surface, not behind it.
     - `normal`: outward unit normal of the second body, towards the first, world.
     - `gap`: s_i0 between the undeformed bodies, negative in penetration, m.
@@ -44,20 +45,23 @@ class Contacts(eqx.Module):
 class Slots(NamedTuple):
     """What of the slots does not move.
 
-    **Fields**: `names` as `first/second`; `pad` its number, -1 where there is none; `first` and `second` numbers of
-    objects, `FIXED` for the hand and for surfaces; `friction` and `compliance` (of the pad, m/N) of each slot.
+    **Fields**: `names` as `first/second`; `pad` its number, -1 where there is none; `other` that of the pad that it
+    meets, if any; `first` and `second` numbers of objects, `FIXED` for the hand and for surfaces; `friction` of each
+    slot; `compliance` of its pads together and `deformed` of the first one (m/N).
     """
 
     names: tuple[str, ...]
     pad: np.ndarray
+    other: np.ndarray
     first: np.ndarray
     second: np.ndarray
     friction: Float[Real, " slot"]
     compliance: Float[Real, " slot"]
+    deformed: Float[Real, " slot"]
 
 
 def slots(model: Model, scene: Scene) -> Slots:
-    """Every pad with every surface and object; then the contact points of objects with surfaces and other objects.
+    """Every pad with every surface, object and pad stated; then the points of objects with surfaces and other objects.
 
     **Errors**: `ValueError` for a thing that has the name of a pad, friction of a pair whose names are neither pads,
     surfaces nor objects, and two things whose contact would not be found.
@@ -74,29 +78,41 @@ def slots(model: Model, scene: Scene) -> Slots:
                 raise ValueError(f"frictions name {name!r}, which is none of {', '.join(sorted(known))}")
     things = [(FIXED, item) for item in scene.surfaces] + list(enumerate(scene.objects))
     rows: list[Any] = []
-    for number, pad in enumerate(model.pad_names):
-        for second, thing in things:
-            mu = scene.friction_of(pad, thing.name)
-            rows.append((f"{pad}/{thing.name}", number, FIXED, second, thing.friction if mu is None else mu))
+    for pad, place, other, count in pad_pairs(model, scene, [item.shape for _, item in things]):
+        if place is None:
+            name, second, mu = model.pad_names[other], FIXED, None
+        else:
+            second, thing = things[place]
+            name, mu = thing.name, thing.friction
+        stated = scene.friction_of(model.pad_names[pad], name)
+        mu = mu if stated is None else stated
+        names = _numbered(model.pad_names[pad], name, count)
+        rows += [(label, pad, -1 if other is None else other, FIXED, second, mu) for label in names]
     for first, at in _meetings(scene):
         item, (second, thing) = scene.objects[first], things[at]
         mu = scene.friction_of(item.name, thing.name)
         mu = jnp.minimum(item.friction, thing.friction) if mu is None else mu
-        count = manifold_size(item.shape, thing.shape)
-        numbers = [""] if count == 1 else [f".{number}" for number in range(1, count + 1)]
-        rows += [(f"{item.name}{number}/{thing.name}", -1, first, second, mu) for number in numbers]
+        names = _numbered(item.name, thing.name, manifold_size(item.shape, thing.shape))
+        rows += [(label, -1, -1, first, second, mu) for label in names]
     if not rows:
         raise ValueError("nothing in the scene can touch anything: it needs a surface, or a model with pads")
-    pad = np.array([row[1] for row in rows], int)
+    pad, other, first, second = (np.array([row[i] for row in rows], int) for i in range(1, 5))
     pads = jnp.concatenate([jnp.asarray(model.pad_compliance), jnp.zeros(1)])  # the last one is no pad
     return Slots(
         names=tuple(row[0] for row in rows),
         pad=pad,
-        first=np.array([row[2] for row in rows], int),
-        second=np.array([row[3] for row in rows], int),
-        friction=jnp.stack([jnp.asarray(row[4], pads.dtype) for row in rows]),
-        compliance=pads[pad],
+        other=other,
+        first=first,
+        second=second,
+        friction=jnp.stack([jnp.asarray(row[5], pads.dtype) for row in rows]),
+        compliance=pads[pad] + pads[other],
+        deformed=pads[pad],
     )
+
+
+def _numbered(first: str, second: str, count: int) -> list[str]:
+    numbers = [""] if count == 1 else [f".{number}" for number in range(1, count + 1)]
+    return [f"{first}{number}/{second}" for number in numbers]
 
 
 def slot_names(model: Model, scene: Scene) -> tuple[str, ...]:
@@ -120,13 +136,16 @@ def find_contacts(
     placed = [Placed(item.shape, pose) for item, pose in zip(scene.objects, poses, strict=True)]
     things = [*(item.shape for item in scene.surfaces), *placed]
     centres = [pose.apply(item.com) for item, pose in zip(scene.objects, poses, strict=True)]
-    parts: list[Any] = [_of_pads(model, q, things)] if model.pad_names else []
+    parts: list[Any] = []
+    if any(pair.count for pair in pad_pairs(model, scene, things)):
+        found = pad_contacts(model, scene, q, things)
+        parts.append((found.normal, found.gap, found.point, found.rotation, found.active))
     for first, second in _meetings(scene):
         parts.append(_rigid(contact_manifold(placed[first], things[second]), q.dtype))
     normal, gap, point, rotation, active = (jnp.concatenate(part) for part in zip(*parts, strict=True))
     table = slots(model, scene)
     if pad_force is not None:
-        point = point + table.compliance[:, None] * jnp.einsum("iab,ib->ia", rotation, pad_force)
+        point = point + table.deformed[:, None] * jnp.einsum("iab,ib->ia", rotation, pad_force)
     jacobian = _relative_jacobian(model, q, table, point, centres)
     return Contacts(point, normal, gap, jacobian, rotation, active)
 
@@ -153,18 +172,6 @@ def _core(shape: Shape) -> Shape:
     return _core(shape.shape) if isinstance(shape, Placed) else shape
 
 
-def _of_pads(model: Model, q: Real, things: list[Shape]):
-    at = frames(model, q)
-    carriers = at.bodies(model, np.asarray(model.pad_bodies, int))
-    centres = jax.vmap(lambda pose, centre: pose.apply(centre))(carriers, jnp.asarray(model.pad_centre))
-    distance = jnp.stack([jax.vmap(thing.signed_distance)(centres) for thing in things], axis=1).reshape(-1)
-    normal = jnp.stack([jax.vmap(thing.normal)(centres) for thing in things], axis=1).reshape(-1, 3)
-    pads = np.repeat(np.arange(len(model.pad_names)), len(things))
-    radius = jnp.asarray(model.pad_radius)[pads]
-    point = centres[pads] - radius[:, None] * normal
-    return normal, distance - radius, point, carriers.rotation[pads], jnp.ones(len(pads), bool)
-
-
 def _rigid(manifold: Manifold, dtype):
     count = manifold.gap.shape[0]
     rotation = jnp.broadcast_to(jnp.eye(3, dtype=dtype), (count, 3, 3))
@@ -174,10 +181,12 @@ def _rigid(manifold: Manifold, dtype):
 def _relative_jacobian(model: Model, q: Real, table: Slots, point: Real, centres: list[Real]):
     of_pads = table.pad >= 0
     blocks = []
-    if model.pad_names:
+    if of_pads.any():
         at = frames(model, q)
-        bodies = np.asarray(model.pad_bodies, int)[table.pad[of_pads]]
-        hand = jax.vmap(lambda body, p: jacobian_at(model, at, body, p))(jnp.asarray(bodies), point[of_pads])
+        hand = _jacobians(model, at, table.pad[of_pads], point[of_pads])
+        if (table.other >= 0).any():
+            both = np.flatnonzero(table.other >= 0)  # pads come first
+            hand = hand.at[both].add(-_jacobians(model, at, table.other[both], point[both]))
         rest = jnp.zeros((int(np.sum(~of_pads)), 3, model.nv), hand.dtype)
         blocks.append(jnp.concatenate([hand, rest]))
     else:
@@ -186,3 +195,8 @@ def _relative_jacobian(model: Model, q: Real, table: Slots, point: Real, centres
         sign = jnp.asarray((table.first == number).astype(int) - (table.second == number).astype(int), point.dtype)
         blocks.append(sign[:, None, None] * jax.vmap(gamma)(point - centre[None]))
     return jnp.concatenate(blocks, axis=2)
+
+
+def _jacobians(model: Model, at: Any, pads: np.ndarray, points: Real) -> Real:
+    bodies = np.asarray(model.pad_bodies, int)[pads]
+    return jax.vmap(lambda body, p: jacobian_at(model, at, body, p))(jnp.asarray(bodies), points)

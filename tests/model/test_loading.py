@@ -96,7 +96,10 @@ def test_flexion_is_positive_and_lowers_the_tip():
         ("<mujoco><worldbody><body><joint/></body></worldbody></mujoco>", "no model that MuJoCo accepts"),
         ('<mujoco><include file="nowhere.xml"/></mujoco>', "nowhere.xml"),
         (MJCF.replace("</mujoco>", '<equality><weld body1="a"/></equality></mujoco>'), "1 equality constraints"),
-        (MJCF.replace('name="tip"', 'name="tip" type="box"').replace('"0.01"', '"1 1 1"'), "'tip' is not a sphere"),
+        (
+            MJCF.replace('name="tip"', 'name="tip" type="box"').replace('"0.01"', '"1 1 1"'),
+            "'tip' is neither a sphere nor a capsule",
+        ),
     ],
 )
 def test_bad_files_are_refused_in_one_line(tmp_path, text, message):
