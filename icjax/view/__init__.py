@@ -2,6 +2,9 @@
 
 from icjax.view._contact_plots import plot_compliance as plot_compliance
 from icjax.view._contact_plots import plot_contact_event as plot_contact_event
+from icjax.view._explore import LivePage as LivePage
+from icjax.view._explore import explore as explore
+from icjax.view._explorer import Explorer as Explorer
 from icjax.view._force_plots import force_components as force_components
 from icjax.view._force_plots import plot_forces as plot_forces
 from icjax.view._force_plots import plot_measured_forces as plot_measured_forces
@@ -21,3 +24,7 @@ from icjax.view._snapshot import snapshot as snapshot
 from icjax.view._style import save as save
 from icjax.view._style import svg as svg
 from icjax.view._surfaces import scene_name as scene_name
+from icjax.view._variation import Variation as Variation
+from icjax.view._variation import shapes_for as shapes_for
+from icjax.view._variation import varied_interaction as varied_interaction
+from icjax.view._variation import varied_scene as varied_scene

@@ -19,31 +19,37 @@ PALER = 0.45
 
 
 def add_surfaces(
-    server: Any, shapes: tuple[Shape, ...], focus: np.ndarray, size: float, along: np.ndarray, spread: float = 1.0
+    server: Any,
+    shapes: tuple[Shape, ...],
+    focus: np.ndarray,
+    size: float,
+    along: np.ndarray,
+    spread: float = 1.0,
+    root: str = "",
 ) -> None:
     """Solids where they are, planes as ruled patches around the focus, larger by `spread` where things move about."""
     for index, shape in enumerate(shapes):
         if isinstance(shape, Bump):
             vertices, faces = bump_mesh(shape)
-            server.scene.add_mesh_simple(f"/surface/{index}", vertices, faces, color=BUMP_COLOUR, side="double")
+            server.scene.add_mesh_simple(f"{root}/surface/{index}", vertices, faces, color=BUMP_COLOUR, side="double")
             continue
         if isinstance(shape, Solid):
-            _add_solid(server, f"/surface/{index}", shape, BUMP_COLOUR)
+            _add_solid(server, f"{root}/surface/{index}", shape, BUMP_COLOUR)
             continue
         vertices, faces = patch_mesh(shape, focus, (1.15 * spread * size, 0.7 * spread * size), along)
-        server.scene.add_mesh_simple(f"/surface/{index}", vertices, faces, color=PLATE_COLOUR, side="double")
+        server.scene.add_mesh_simple(f"{root}/surface/{index}", vertices, faces, color=PLATE_COLOUR, side="double")
         lines = ruled_lines(vertices, _round_down(0.2 * size)) + 0.002 * size * shape.normal
         server.scene.add_line_segments(
-            f"/surface/{index}/ruling", lines, (150, 140, 122), thickness=1.0, thickness_units="screen"
+            f"{root}/surface/{index}/ruling", lines, (150, 140, 122), thickness=1.0, thickness_units="screen"
         )
 
 
-def add_objects(server: Any, objects: tuple[Moving, ...]) -> list[Any]:
+def add_objects(server: Any, objects: tuple[Moving, ...], root: str = "") -> list[Any]:
     """A node an object, in its own frame."""
     nodes = []
     for number, body in enumerate(objects):
-        nodes.append(server.scene.add_frame(f"/object/{number}", show_axes=False))
-        _add_solid(server, f"/object/{number}/body", body.solid, _light(body.colour))
+        nodes.append(server.scene.add_frame(f"{root}/object/{number}", show_axes=False))
+        _add_solid(server, f"{root}/object/{number}/body", body.solid, _light(body.colour))
     return nodes
 
 

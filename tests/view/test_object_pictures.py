@@ -24,7 +24,7 @@ from view.example_objects import (
 from view.example_records import make_interaction, make_recording, make_rollout
 
 from icjax import view
-from icjax.view import _scene3d
+from icjax.view import _frames
 from icjax.view._force_plots import stated_friction
 from icjax.view._objects import moving, object_colour, upward
 from icjax.view._pairs import largest_force, pair_forces
@@ -201,7 +201,7 @@ def test_the_3d_page_moves_the_objects(rollout):
 
 def test_the_3d_view_looks_at_the_fingers_and_what_is_near(rollout):
     def framed(item):
-        return _scene3d._framing(item, _scene3d._pick(item, 12, 30.0, False))
+        return _frames.framing(item, _frames.pick_frames(item, 12, 30.0))
 
     whole, close = framed(make_rollout("flat", bump=False)), framed(rollout)
     assert close[1] < whole[1]
