@@ -11,6 +11,7 @@ from icjax.view._explorer import Explorer as Explorer
 from icjax.view._force_plots import force_components as force_components
 from icjax.view._force_plots import plot_forces as plot_forces
 from icjax.view._force_plots import plot_measured_forces as plot_measured_forces
+from icjax.view._grip_plot import plot_grip as plot_grip
 from icjax.view._motion_plots import plot_angles as plot_angles
 from icjax.view._motion_plots import plot_path as plot_path
 from icjax.view._object_course import ObjectCourse as ObjectCourse

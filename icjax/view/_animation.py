@@ -114,9 +114,8 @@ def _add_forces(gltf: Gltf, world: int, times: int, shown: Frames, size: float, 
         for state in sorted(set(pairs.state[seen[:, pair], pair].tolist())):
             if state not in meshes:
                 red, green, blue = (int(part) for part in PALETTE[state])
-                meshes[state] = gltf.mesh(
-                    *arrow_mesh(), gltf.material(f"force {SLIP_STATES[state]}", (red, green, blue))
-                )
+                own = gltf.material(f"force {SLIP_STATES[state]}", (red, green, blue))
+                meshes[state] = gltf.mesh(*arrow_mesh(), own)
             here = seen[:, pair] & (pairs.state[:, pair] == state)
             name = f"force {' on '.join(part for part in bodies if part)} {SLIP_STATES[state]}"
             point = np.where(here[:, None], pairs.point[:, pair], pairs.point[np.argmax(here), pair])
