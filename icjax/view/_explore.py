@@ -12,7 +12,7 @@ import numpy as np
 from icjax.interaction import Interaction
 from icjax.recording import Recording
 from icjax.rollout import Rollout
-from icjax.synthesis import Policy, Scene
+from icjax.synthesis import Policy, Scene, slot_names
 from icjax.view._explorer import Explorer
 from icjax.view._extras import require
 from icjax.view._frames import pick_frames
@@ -67,6 +67,8 @@ def explore(
     """
     if scene is not None and not isinstance(record, Interaction):
         raise ValueError(f"a scene goes with an interaction; got a {type(record).__name__.lower()}")
+    if scene is not None:
+        slot_names(record.model, scene)  # errors with the names that people gave
     page = LivePage(record, scene, policy, host, port)
     if browser:
         webbrowser.open(page.url)

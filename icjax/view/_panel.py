@@ -95,7 +95,8 @@ class Sliders:
             grams = 1e3 * float(thing.mass)
             step = 10.0 ** np.floor(np.log10(grams) - 1.0)
             most, least = np.ceil(12.0 * grams / step) * step, np.ceil(grams / 4.0 / step) * step
-            self._slider(gui, "mass", thing.name, "mass (g)", float(least), float(most), float(step), grams, 1e-3)
+            shown = float(f"{grams:.3g}")
+            self._slider(gui, "mass", thing.name, "mass (g)", float(least), float(most), float(step), shown, 1e-3)
         if can_resize(thing.shape):
             self._slider(gui, "size", thing.name, "size (times)", 0.5, 2.0, 0.02, 1.0)
         kinds = shapes_for(scene, thing.name) if is_object and not thing.driven else (AS_GIVEN,)

@@ -248,6 +248,10 @@ def test_a_finished_rollout_is_only_played():
 def test_a_scene_goes_with_an_interaction():
     with pytest.raises(ValueError, match="a scene goes with an interaction; got a rollout"):
         view.explore(make_object_rollout(), make_scene(), browser=False)
+    scene = make_scene()
+    named = dataclasses.replace(scene, surfaces=(dataclasses.replace(scene.surfaces[0], name="pad"),))
+    with pytest.raises(ValueError, match="'pad' is the name of a pad"):
+        view.explore(make_pressing(), named, browser=False)
 
 
 def test_the_table_of_contacts_tells_force_state_and_share_of_friction():
