@@ -2,6 +2,7 @@
 # (the checker does not see that `labelled`, `names` and `static` declare fields without a default)
 """Hinge 3: what happened in simulation."""
 
+import json
 import os
 
 import equinox as eqx
@@ -67,6 +68,23 @@ class Rollout(eqx.Module):
     def on_hand(self) -> tuple[bool, ...]:
         """Whether the force of a slot acts on the hand; else it acts on an object."""
         return tuple(first not in self.object_names for first, _ in self.slot_bodies())
+
+    def friction_of(self, first: str, second: str) -> float | None:
+        """Coulomb's coefficient of two bodies of a slot, as the scene states it.
+
+        That of the pair where it has one of its own, else the smaller of both; a pad has that of what it touches.
+
+        **Returns**: None where the scene does not know the second one.
+        """
+        scene = json.loads(self.scene) if self.scene else {}
+        for pair in reversed(scene.get("frictions", [])):
+            if set(pair["names"]) == {first, second}:
+                return float(pair["friction"])
+        things = [*scene.get("surfaces", []), *scene.get("objects", [])]
+        stated = {item.get("name"): float(item["friction"]) for item in things if "friction" in item}
+        if second not in stated:
+            return None
+        return min(stated[second], stated.get(first, stated[second]))
 
     def _body(self, label: str) -> str:
         known = (*self.object_names, *self.model.pad_names)

@@ -15,7 +15,7 @@ LAYERS = [
     {"grasp"},
     {"fit"},
     {"sweep", "view"},
-    {"report"},
+    {"report", "export"},
     {"cli"},
 ]
 ROW = {room: row for row, rooms in enumerate(LAYERS) for room in rooms}

@@ -18,6 +18,7 @@ from icjax.cli._export import Export
 from icjax.cli._perturbation import Perturbation
 from icjax.cli._report import Report
 from icjax.cli._transfer import Transfer
+from icjax.cli._view import View
 
 VERBS = {
     "demo": Demo,
@@ -27,6 +28,7 @@ VERBS = {
     "estimate": Estimate,
     "perturbation": Perturbation,
     "transfer": Transfer,
+    "view": View,
     "report": Report,
     "export": Export,
 }
@@ -45,6 +47,8 @@ icjax capture session.toml --out DIR
 icjax estimate DIR/recording.nc
 
 icjax transfer DIR/interaction.nc
+
+icjax view DIR/interaction.nc --scene scene.toml
 
 icjax report DIR
 

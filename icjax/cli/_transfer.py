@@ -7,9 +7,6 @@ from typing import Annotated, Literal
 
 import tyro
 
-MOST_FAILED = 0.5
-"""A rollout of which more is unsolved says nothing."""
-
 LARGEST_BUMP = 0.2
 """m; a larger one was meant in mm. A scene file takes any."""
 
@@ -50,7 +47,7 @@ class Transfer:
 
         from icjax.cli._output import Steps
         from icjax.interaction import Interaction
-        from icjax.synthesis import check_rollout, transfer
+        from icjax.synthesis import MOST_FAILED, check_rollout, transfer
 
         interaction = Interaction.load(self.interaction)
         if self.scene:

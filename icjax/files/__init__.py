@@ -29,3 +29,4 @@ from icjax.files._trc_write import write_trc as write_trc
 from icjax.files._tsv import is_qualisys as is_qualisys
 from icjax.files._tsv import read_tsv as read_tsv
 from icjax.files._units import unit_kind as unit_kind
+from icjax.files._whole import write_bytes as write_bytes

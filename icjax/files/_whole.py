@@ -1,4 +1,4 @@
-"""Text files written complete or not at all."""
+"""Files written complete or not at all."""
 
 import os
 import tempfile
@@ -12,14 +12,21 @@ from icjax.files._errors import FileError
 
 def write_whole(path: Path, lines: Iterable[str]) -> Path:
     """Write lines under a temporary name and rename. Returns the path. **Errors**: `FileError` naming the file."""
+    return _write(path, (f"{line}\n".encode() for line in lines))
+
+
+def write_bytes(path: str | os.PathLike, content: bytes) -> Path:
+    """Write a file under a temporary name and rename. Returns the path. **Errors**: `FileError` naming the file."""
+    return _write(Path(path), (content,))
+
+
+def _write(path: Path, pieces: Iterable[bytes]) -> Path:
     temporary = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(
-            "w", encoding="utf-8", newline="\n", prefix=f".{path.name}.", dir=path.parent, delete=False
-        ) as file:
+        with tempfile.NamedTemporaryFile(prefix=f".{path.name}.", dir=path.parent, delete=False) as file:
             temporary = Path(file.name)
-            file.writelines(f"{line}\n" for line in lines)
+            file.writelines(pieces)
         os.chmod(temporary, 0o644)
         os.replace(temporary, path)
     except OSError as error:

@@ -31,6 +31,7 @@ def objects(rollouts: Sequence[Rollout]) -> Section | None:
             )
         if len(names) > MOST:
             figures += absent(f"Not drawn: {', '.join(names[MOST:])}.")
+        figures += _grip(number, rollout)
     body = paragraph(
         "Moved is the horizontal distance from the start, lifted the height above it. The sum of all contact forces, "
         "upward, is the weight while an object rests or slides on something level. Bodies are rigid: a blow lasts one "
@@ -39,6 +40,21 @@ def objects(rollouts: Sequence[Rollout]) -> Section | None:
     head = ["object", "rollout", "weight (N)", "mean contact force up (N)", "moved (mm)", "most lifted (mm)",
             "most tilted (deg)", "fastest (mm/s)", "hand's largest force (N)", "overlap (mm)"]  # fmt: skip
     return Section("objects", "Objects", body + table(head, rows, words=(0, 1)) + figures)
+
+
+def _grip(number: int, rollout: Rollout) -> str:
+    """How the fingertips hold, over time."""
+    name = view.scene_name(rollout)
+    on_hand = np.array(rollout.on_hand())
+    if not np.asarray(rollout.contact_force)[:, on_hand].any():
+        return absent(f"{name}: nothing touches the hand, so there is no grip to show.")
+    return figure(
+        view.svg(view.plot_grip(rollout), f"grip-{number}", f"normal force and friction of the fingertips, {name}"),
+        f"{name}: force of every fingertip on what it touches, and friction over μ times the normal force, which "
+        "reaches one where it slides (on a polyhedral cone between the dotted lines); none below a twentieth of the "
+        "largest force. The lowest panel, where there is one, is the compliance that a policy or the interaction "
+        "changed.",
+    )
 
 
 def _row(rollout: Rollout, course: view.ObjectCourse) -> list[str]:

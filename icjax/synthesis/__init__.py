@@ -25,5 +25,6 @@ from icjax.synthesis._stepper import StepInfo as StepInfo
 from icjax.synthesis._stepper import init as init
 from icjax.synthesis._stepper import step as step
 from icjax.synthesis._surface import Surface as Surface
+from icjax.synthesis._transfer import MOST_FAILED as MOST_FAILED
 from icjax.synthesis._transfer import resample as resample
 from icjax.synthesis._transfer import transfer as transfer

@@ -63,25 +63,13 @@ def _findings(rollout: Rollout, solved: np.ndarray) -> Iterator[tuple[str, str]]
     size = float(np.abs(force).max(initial=0.0))
     if np.any(pressing < -PULL * max(size, 1.0)):
         yield "error", "a contact pulls in a solved step"
-    scene = json.loads(rollout.scene)
     sliding = np.linalg.norm(force - pressing[:, :, None] * normal, axis=2)
     for slot, (name, bodies) in enumerate(zip(rollout.slot_names, rollout.slot_bodies(), strict=True)):
-        friction = _friction(scene, *bodies)
+        friction = rollout.friction_of(*bodies)
         if friction is None:
             yield "error", f"slot '{name}' names no surface or object of the scene"
         elif np.any(sliding[:, slot] > friction * pressing[:, slot] * (1 + CONE) + CONE * max(size, 1e-12)):
             yield "error", f"a force of slot '{name}' leaves the friction cone of {friction:g}"
-
-
-def _friction(scene: dict, first: str, second: str) -> float | None:
-    """Of a pair of bodies, None where the scene does not know the second one."""
-    things = {item["name"]: float(item["friction"]) for item in [*scene["surfaces"], *scene.get("objects", [])]}
-    for pair in reversed(scene.get("frictions", [])):
-        if set(pair["names"]) == {first, second}:
-            return float(pair["friction"])
-    if second not in things:
-        return None
-    return min(things[second], things.get(first, things[second]))
 
 
 def _implausible(rollout: Rollout, solved: np.ndarray) -> Iterator[tuple[str, str]]:

@@ -87,6 +87,9 @@ def transfer(
     )
 
 
+MOST_FAILED = 0.5
+"""Share of the steps; a rollout of which more is unsolved says nothing."""
+
 MOST_STEPS = 10_000_000
 """Five and a half hours at 2 ms; more is a mistake in the times or in the step."""
 

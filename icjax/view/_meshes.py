@@ -56,3 +56,18 @@ def ruled_lines(vertices: np.ndarray, spacing: float) -> np.ndarray:
             start = corner + along / length * (rest + k * spacing)
             lines.append(np.stack([start, start + across]))
     return np.array(lines)
+
+
+def arrow_mesh() -> tuple[np.ndarray, np.ndarray]:
+    """Arrow of unit length from the origin along z, to be scaled: vertices `[n, 3]`, faces `[m, 3]`."""
+    (shaft, first), (head, second) = arrow_meshes(0.022, 0.055, 0.16)
+    shaft = shaft * np.array([1.0, 1.0, 0.9])
+    return np.concatenate([shaft, head + np.array([0.0, 0.0, 0.92])]), np.concatenate([first, second + len(shaft)])
+
+
+def cone_mesh(height: float, radius: float, sectors: int = 32) -> tuple[np.ndarray, np.ndarray]:
+    """Mantle of a cone with its apex at the origin that opens along z: vertices `[n, 3]` (m), faces `[m, 3]`."""
+    turn = np.linspace(0.0, 2.0 * np.pi, sectors, endpoint=False)
+    rim = np.stack([radius * np.cos(turn), radius * np.sin(turn), np.full(sectors, height)], axis=-1)
+    around = np.arange(1, sectors + 1)
+    return np.concatenate([np.zeros((1, 3)), rim]), np.stack([0 * around, np.roll(around, -1), around], axis=1)

@@ -12,7 +12,8 @@ from icjax.rollout import Rollout
 class Pairs(NamedTuple):
     """Force on the first body `[time, pair, 3]` (N), where it acts (m), and slip state `[time, pair]` of every pair.
 
-    `bodies` names both; `on_hand` says which forces act on the hand.
+    `bodies` names both; `on_hand` says which forces act on the hand; `normal` `[time, pair, 3]` is the mean over the
+    corners, by what each carries (zero where a measured record knows none), `friction` `[pair]` mu, NaN if unknown.
     """
 
     bodies: tuple[tuple[str, str], ...]
@@ -20,6 +21,14 @@ class Pairs(NamedTuple):
     point: np.ndarray
     state: np.ndarray
     on_hand: np.ndarray
+    normal: np.ndarray
+    friction: np.ndarray
+
+    def ratio(self) -> np.ndarray:
+        """Tangential over normal force `[time, pair]`; NaN where nothing presses."""
+        pressing = np.sum(self.force * self.normal, axis=-1)
+        sliding = np.linalg.norm(self.force - pressing[..., None] * self.normal, axis=-1)
+        return np.where(pressing > 0, sliding / np.where(pressing > 0, pressing, 1.0), np.nan)
 
 
 def pair_forces(record: Recording | Interaction | Rollout, rows: np.ndarray | slice = slice(None)) -> Pairs:
@@ -31,11 +40,13 @@ def pair_forces(record: Recording | Interaction | Rollout, rows: np.ndarray | sl
     point = np.asarray(record.contact_point, dtype=float)[rows]
     if not isinstance(record, Rollout):
         bodies = tuple((name, "") for name in record.contact_names)
-        return Pairs(bodies, force, point, np.zeros(force.shape[:2], int), np.ones(len(bodies), bool))
+        state, unknown = np.zeros(force.shape[:2], int), np.full(len(bodies), np.nan)
+        return Pairs(bodies, force, point, state, np.ones(len(bodies), bool), np.zeros_like(force), unknown)
     state, bodies = np.asarray(record.slip_state)[rows], record.slot_bodies()
+    normal = np.nan_to_num(np.asarray(record.contact_normal, dtype=float)[rows])
     if not record.object_names:
-        return Pairs(bodies, force, point, state, np.ones(len(bodies), bool))
-    pressure = np.sum(force * np.nan_to_num(np.asarray(record.contact_normal, dtype=float)[rows]), axis=-1)
+        return Pairs(bodies, force, point, state, np.ones(len(bodies), bool), normal, _friction(record, bodies))
+    pressure = np.sum(force * normal, axis=-1)
     pairs = tuple(dict.fromkeys(bodies))
     columns = [[slot for slot, own in enumerate(bodies) if own == pair] for pair in pairs]
     weights = [np.maximum(pressure[:, own], 1e-12) for own in columns]
@@ -43,13 +54,23 @@ def pair_forces(record: Recording | Interaction | Rollout, rows: np.ndarray | sl
         np.sum(weight[..., None] * point[:, own], axis=1) / weight.sum(axis=1)[:, None]
         for weight, own in zip(weights, columns, strict=True)
     ]
+    mean = [np.sum(weight[..., None] * normal[:, own], axis=1) for weight, own in zip(weights, columns, strict=True)]
+    normals = np.stack(mean, axis=1)
+    length = np.linalg.norm(normals, axis=-1, keepdims=True)
     return Pairs(
         bodies=pairs,
         force=np.stack([force[:, own].sum(axis=1) for own in columns], axis=1),
         point=np.stack(centres, axis=1),
         state=np.stack([state[:, own].max(axis=1) for own in columns], axis=1),
         on_hand=np.array([first not in record.object_names for first, _ in pairs]),
+        normal=normals / np.where(length > 0, length, 1.0),
+        friction=_friction(record, pairs),
     )
+
+
+def _friction(rollout: Rollout, pairs: tuple[tuple[str, str], ...]) -> np.ndarray:
+    stated = [rollout.friction_of(*bodies) for bodies in pairs]
+    return np.array([np.nan if value is None else value for value in stated])
 
 
 def largest_force(pairs: Pairs) -> float:

@@ -19,31 +19,37 @@ PALER = 0.45
 
 
 def add_surfaces(
-    server: Any, shapes: tuple[Shape, ...], focus: np.ndarray, size: float, along: np.ndarray, spread: float = 1.0
+    server: Any,
+    shapes: tuple[Shape, ...],
+    focus: np.ndarray,
+    size: float,
+    along: np.ndarray,
+    spread: float = 1.0,
+    root: str = "",
 ) -> None:
     """Solids where they are, planes as ruled patches around the focus, larger by `spread` where things move about."""
     for index, shape in enumerate(shapes):
         if isinstance(shape, Bump):
             vertices, faces = bump_mesh(shape)
-            server.scene.add_mesh_simple(f"/surface/{index}", vertices, faces, color=BUMP_COLOUR, side="double")
+            server.scene.add_mesh_simple(f"{root}/surface/{index}", vertices, faces, color=BUMP_COLOUR, side="double")
             continue
         if isinstance(shape, Solid):
-            _add_solid(server, f"/surface/{index}", shape, BUMP_COLOUR)
+            _add_solid(server, f"{root}/surface/{index}", shape, BUMP_COLOUR)
             continue
         vertices, faces = patch_mesh(shape, focus, (1.15 * spread * size, 0.7 * spread * size), along)
-        server.scene.add_mesh_simple(f"/surface/{index}", vertices, faces, color=PLATE_COLOUR, side="double")
-        lines = ruled_lines(vertices, _round_down(0.2 * size)) + 0.002 * size * shape.normal
+        server.scene.add_mesh_simple(f"{root}/surface/{index}", vertices, faces, color=PLATE_COLOUR, side="double")
+        lines = ruled_lines(vertices, round_down(0.2 * size)) + 0.002 * size * shape.normal
         server.scene.add_line_segments(
-            f"/surface/{index}/ruling", lines, (150, 140, 122), thickness=1.0, thickness_units="screen"
+            f"{root}/surface/{index}/ruling", lines, (150, 140, 122), thickness=1.0, thickness_units="screen"
         )
 
 
-def add_objects(server: Any, objects: tuple[Moving, ...]) -> list[Any]:
+def add_objects(server: Any, objects: tuple[Moving, ...], root: str = "") -> list[Any]:
     """A node an object, in its own frame."""
     nodes = []
     for number, body in enumerate(objects):
-        nodes.append(server.scene.add_frame(f"/object/{number}", show_axes=False))
-        _add_solid(server, f"/object/{number}/body", body.solid, _light(body.colour))
+        nodes.append(server.scene.add_frame(f"{root}/object/{number}", show_axes=False))
+        _add_solid(server, f"{root}/object/{number}/body", body.solid, light(body.colour))
     return nodes
 
 
@@ -53,12 +59,13 @@ def _add_solid(server: Any, path: str, shape: Solid, colour: tuple[int, int, int
     server.scene.add_line_segments(f"{path}/lines", shape.lines, dark, thickness=1.5, thickness_units="screen")
 
 
-def _light(colour: str) -> tuple[int, int, int]:
+def light(colour: str) -> tuple[int, int, int]:
+    """Colour of the faces of an object."""
     red, green, blue = (int(round((1.0 - PALER) * part + PALER * 255)) for part in rgb(colour))
     return red, green, blue
 
 
-def _round_down(value: float) -> float:
+def round_down(value: float) -> float:
     """The largest of 1, 2, 5 times a power of ten that does not exceed `value`."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(max(step for step in (1.0, 2.0, 5.0) if step * power <= value * (1 + 1e-9)) * power)

@@ -11,7 +11,7 @@ from icjax.capture import read_session
 from icjax.capture._load import load_trial
 from icjax.capture._sensors import sensor_wrench
 from icjax.cli import main
-from icjax.cli._opensim import Y_UP, coordinate_table, sensor_table
+from icjax.export import Y_UP, coordinate_table, sensor_table
 from icjax.files import read_c3d, read_sto, read_trc, save_record
 from icjax.interaction import CompliancePerEvent, Interaction, JointCompliance
 from icjax.model import index_finger, load_model

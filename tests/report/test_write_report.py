@@ -191,7 +191,8 @@ def test_objects_get_a_section_of_their_own(tmp_path):
         ["box", "objects", "0.491", "0.491", "48.0", "1.5", "90", "68", "0.30", "3.000"],
         ["ball", "objects", "0.0981", "0.0981", "179.7", "0.0", "a ball", "60", "not touched", "0.000"],
     ]
-    assert section.count("<svg") == 1
+    assert section.count("<svg") == 2  # the objects, and how the fingertip holds them
+    assert "friction over μ times the normal force" in section
     assert 'aria-label="place, tilt, speed and forces of box, ball over time"' in section
     for words in ("objects have inertia", "Objects are dashed where they began", "Forces of surfaces and other objects",
                   "Forces on objects are further below", '<i style="background:#7A5195"></i>box</li>'):  # fmt: skip
@@ -218,6 +219,6 @@ def test_many_objects_are_drawn_few_at_a_time(tmp_path):
     many = dataclasses.replace(rollout, object_names=names, **columns)
     text = write_report(tmp_path / "many.html", rollouts=(many,)).read_text(encoding="utf-8")
     section = text[text.index('<section id="objects">') : text.index('<section id="rollouts">')]
-    assert section.count("<svg") == 4
+    assert section.count("<svg") == 4 + 1  # twelve, three at a time; and the grip
     assert "Not drawn: ball12, ball13." in section
     assert section.count("<tr><td") == count

@@ -24,7 +24,7 @@ from view.example_objects import (
 from view.example_records import make_interaction, make_recording, make_rollout
 
 from icjax import view
-from icjax.view import _scene3d
+from icjax.view import _frames
 from icjax.view._force_plots import stated_friction
 from icjax.view._objects import moving, object_colour, upward
 from icjax.view._pairs import largest_force, pair_forces
@@ -150,6 +150,32 @@ def test_plots_of_objects_draw_their_course(rollout):
         view.plot_objects(make_rollout("bump"))
 
 
+def test_the_grip_is_that_of_every_fingertip(rollout):
+    figure = view.plot_grip(rollout)
+    normal, friction, ratio = figure.axes
+    (line,) = normal.lines
+    assert line.get_label() == "fingertip"
+    t = np.asarray(rollout.time)
+    pushing = (t >= 1.0) & (t < 1.5)
+    alone = view.force_components(make_rollout("flat", bump=False))
+    np.testing.assert_allclose(line.get_ydata(), alone[0] + np.where(pushing, PUSH, 0.0), atol=ROUNDING)
+    np.testing.assert_allclose(friction.lines[0].get_ydata(), alone[1], atol=ROUNDING)
+    # On the plate mu is 0.5; where its force is below a twentieth of the largest there is no ratio of it.
+    shown = alone[0] > 0.05 * max(alone[0].max(), PUSH)
+    found = ratio.lines[0].get_ydata()
+    np.testing.assert_allclose(found[shown], alone[1][shown] / (0.5 * alone[0][shown]), atol=1e-9)
+    assert not np.isfinite(found[~shown & ~pushing]).any()
+    np.testing.assert_array_equal(found[~shown & pushing], 0.0)
+    assert sorted(item.get_ydata()[0] for item in ratio.lines[1:]) == pytest.approx([np.cos(np.pi / 8), 1.0])
+    stiffer = np.where(t > 1.2, 0.25, 1.0)[:, None] * np.concatenate([np.zeros(6), np.ones(4)])
+    last = view.plot_grip(dataclasses.replace(rollout, compliance=stiffer)).axes[3]
+    np.testing.assert_allclose(last.lines[0].get_ydata(), np.where(t > 1.2, 0.25, 1.0))
+    still = view.plot_grip(dataclasses.replace(rollout, compliance=np.ones((len(t), 10))))
+    assert len(still.axes) == 3
+    with pytest.raises(ValueError, match="nothing touches the hand"):
+        view.plot_grip(dataclasses.replace(rollout, contact_force=0.0 * rollout.contact_force))
+
+
 def coloured(artists, colour):
     from matplotlib.colors import same_color
 
@@ -201,7 +227,7 @@ def test_the_3d_page_moves_the_objects(rollout):
 
 def test_the_3d_view_looks_at_the_fingers_and_what_is_near(rollout):
     def framed(item):
-        return _scene3d._framing(item, _scene3d._pick(item, 12, 30.0, False))
+        return _frames.framing(item, _frames.pick_frames(item, 12, 30.0))
 
     whole, close = framed(make_rollout("flat", bump=False)), framed(rollout)
     assert close[1] < whole[1]

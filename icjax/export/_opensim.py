@@ -10,6 +10,8 @@ from jaxtyping import Bool, Float
 from icjax.files import MotionEvent
 from icjax.model import Model
 from icjax.recording import Recording
+from icjax.rollout import Rollout
+from icjax.view import pair_forces
 
 Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """World axes of a world with z up to axes with y up: (x, y, z) becomes (x, z, -y)."""
@@ -131,3 +133,37 @@ def torque_names(model: Model) -> tuple[str, ...]:
     return tuple(
         safe(name) + ("_moment" if flag else "_force") for name, flag in zip(model.dof_names, flags, strict=True)
     )
+
+
+def rollout_coordinates(rollout: Rollout, turn: Float[np.ndarray, "3 3"]) -> Table:
+    """Coordinates of the hand as in `coordinate_table`, then those of objects, as of free bodies."""
+    table = coordinate_table(rollout.model, np.asarray(rollout.q), np.ones(len(rollout.time), bool), turn)
+    names, columns = list(table.names), [table.values]
+    whole = np.ones(len(rollout.time), bool)
+    for number, name in enumerate(rollout.object_names):
+        names += [safe(name) + end for end in ("_rx", "_ry", "_rz", "_x", "_y", "_z")]
+        columns.append(_body_fixed(np.asarray(rollout.object_quaternion)[:, number], whole, turn))
+        columns.append(np.asarray(rollout.object_position)[:, number] @ turn.T)
+    return Table(tuple(names), np.concatenate(columns, axis=1))
+
+
+def rollout_forces(rollout: Rollout, turn: Float[np.ndarray, "3 3"]) -> Table:
+    """Per pair of bodies: force on the first (N), centre of pressure (m) and free moment about it (Nm), world axes.
+
+    Named FIRST_SECOND_vx, _px, _torque_x as in `force_table`; zero where nothing touches, the point included. The
+    corners of an object are summed. A pad touches at a point and has no free moment.
+    """
+    pairs, bodies = pair_forces(rollout), rollout.slot_bodies()
+    force, point = (np.nan_to_num(np.asarray(item)) for item in (rollout.contact_force, rollout.contact_point))
+    names: list[str] = []
+    columns = [np.zeros((len(rollout.time), 0))]
+    for number, pair in enumerate(pairs.bodies):
+        own = [slot for slot, found in enumerate(bodies) if found == pair]
+        touching = (np.linalg.norm(pairs.force[:, number], axis=1) > 0)[:, None]
+        centre = np.where(touching, np.nan_to_num(pairs.point[:, number]), 0.0)
+        moment = np.cross(point[:, own] - centre[:, None], force[:, own]).sum(axis=1)
+        label = safe("_".join(name for name in pair if name))
+        for letter, part in (("v", pairs.force[:, number]), ("p", centre), ("torque_", moment)):
+            names += [f"{label}_{letter}{axis}" for axis in "xyz"]
+            columns.append(part @ turn.T)
+    return Table(tuple(names), np.concatenate(columns, axis=1))
