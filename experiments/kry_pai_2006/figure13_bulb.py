@@ -131,6 +131,11 @@ def course(time: Any, rotation: np.ndarray, position: np.ndarray, force: np.ndar
     return Course(np.asarray(time) - float(time[0]), rotation, position, np.unwrap(turn), tilt, force)
 
 
+def seen_ball(recording: Recording, pose: tuple[np.ndarray, np.ndarray]) -> Course:
+    """Of the ball as captured, from a recording of its normal forces."""
+    return course(recording.time, *pose, np.linalg.norm(np.asarray(recording.contact_force), axis=2))
+
+
 def course_of(rollout: Rollout) -> Course:
     """Of the bulb."""
     slots = [rollout.slot_names.index(f"{pad}/bulb") for pad in rollout.model.pad_names]
@@ -149,18 +154,29 @@ def judged(found: Course) -> dict[str, Any]:
         "dropped": bool(fallen.any()),
         "held until s": float(found.time[last]),
         "turn deg": float(np.degrees(found.turn[last])),
-        "largest tilt deg": float(np.degrees(found.tilt[: last or None].max())),
+        "turn about its own axis deg": float(np.degrees(spun(found.rotation[: last % len(found.time) + 1]))),
+        "largest tilt deg": float(np.degrees(found.tilt[: last % len(found.time) + 1].max())),
         "fewest fingers that hold": int(touching[gaiting][: np.argmax(fallen[gaiting]) or None].min()),
         "largest finger force N": float(found.force.max()),
     }
 
 
-def synthesised(rollout: Rollout) -> dict[str, Any]:
-    """`judged`, and what the solver and the contacts say."""
+def spun(rotation: np.ndarray) -> float:
+    """About the z axis of the thing itself, rad: the sum of small steps."""
+    step = np.einsum("tji,tjk->tik", rotation[:-1], rotation[1:])
+    return 0.5 * float(np.sum(step[:, 1, 0] - step[:, 0, 1]))
+
+
+def synthesised(rollout: Rollout, ball: Course) -> dict[str, Any]:
+    """`judged`, how far the glass is from where the ball was, and what the solver and the contacts say."""
     slots = [rollout.slot_names.index(f"{pad}/bulb") for pad in rollout.model.pad_names]
     state = np.asarray(rollout.slip_state)[:, slots]
     sliding = [float(np.sum(column == 2) / max(np.sum(column > 0), 1)) for column in state.T]
-    return judged(course_of(rollout)) | {
+    bulb = course_of(rollout)
+    gaiting = (bulb.time >= GAIT.starts[0]) & (bulb.position[:, 2] >= bulb.position[0, 2] + HELD)
+    there = np.stack([np.interp(bulb.time, ball.time, column) for column in ball.position.T], axis=1)
+    return judged(bulb) | {
+        "glass from ball mm RMS": 1e3 * root(np.linalg.norm(bulb.position - there, axis=1)[gaiting]),
         "unsolved steps": int(np.sum(np.asarray(rollout.status) > 0)),
         "steps": len(rollout.time),
         "share of touching time that a finger slides": dict(zip(rollout.model.pad_names, sliding, strict=True)),
@@ -194,7 +210,7 @@ def main(config: Config) -> dict[str, Any]:
         folder = config.cache or Path(temporary)
         full, normal, (R, p), truth = captured(folder, config.seed)
         compliance, own = estimated(folder, config.seed + 1)
-        others = [] if config.main_only else [captured(folder, config.seed + 100)]
+        others = [] if config.main_only else [captured(folder, config.seed + step) for step in (100, 200)]
     true = dict(zip(HAND_JOINTS, Hand().compliance, strict=True))
     height = float(np.median(p[:100, 2]))
     plain = bulb_scene(height)
@@ -202,7 +218,7 @@ def main(config: Config) -> dict[str, Any]:
     real = course(
         truth["t"], Rotation.from_quat(quaternion).as_matrix(), truth["object_pose"][:, :3], truth["f_normal"]
     )
-    seen = course(full.time, R, p, np.linalg.norm(np.asarray(normal.contact_force), axis=2))
+    seen = seen_ball(normal, (R, p))
     rollout = transfer(interaction_of(full, compliance), plain)
     result: dict[str, Any] = {
         "data": SIMULATED,
@@ -212,7 +228,7 @@ def main(config: Config) -> dict[str, Any]:
         "f: ball, captured": judged(seen),
         "capture, friction balanced": errors(full, truth),
         "capture, normal forces only": errors(normal, truth),
-        "g: bulb": synthesised(rollout),
+        "g: bulb": synthesised(rollout, seen),
         "variations": {},
     }
     print(result)
@@ -227,10 +243,12 @@ def main(config: Config) -> dict[str, Any]:
         "bulb of 70 g": (full, compliance, bulb_scene(height, mass=0.070)),
         "friction 0.6": (full, compliance, bulb_scene(height, friction=0.6)),
     }
-    for recording, *_ in others:
-        cases["another capture"] = (recording, compliance, plain)
+    tracks = dict.fromkeys(cases, seen)
+    for number, (recording, normal, pose, _) in enumerate(others):
+        name = f"another capture, {number + 1}"
+        cases[name], tracks[name] = (recording, compliance, plain), seen_ball(normal, pose)
     for name, (recording, values, scene) in ({} if config.main_only else cases).items():
-        result["variations"][name] = synthesised(transfer(interaction_of(recording, values), scene))
+        result["variations"][name] = synthesised(transfer(interaction_of(recording, values), scene), tracks[name])
         print(name, result["variations"][name])
     write(config.out / "figure13_bulb.json", result)
     return result

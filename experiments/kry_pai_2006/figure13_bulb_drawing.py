@@ -45,24 +45,23 @@ def drawn(
 
     radius, *cylinders = shape
     moments = poses(gait)
-    figure = pyplot.figure(figsize=(11.5, 9.4), layout="constrained")
-    upper, lower = figure.subfigures(2, 1, height_ratios=[1.55, 1.0])
-    axes = upper.subplots(2, len(moments))
+    figure = pyplot.figure(figsize=(12.5, 8.6), layout="constrained")
+    upper, lower = figure.subfigures(2, 1, height_ratios=[1.75, 1.0])
     rows = (
         ("f  ball that measures pressure, captured", recording.model, recording.q, ball, ()),
         ("g  light bulb, synthesised", rollout.model, rollout.q, bulb, tuple(cylinders)),
     )
-    for line, (title, model, q, course, more) in zip(axes, rows, strict=True):
-        for axis, (name, moment) in zip(line, moments.items(), strict=True):
+    for strip, (title, model, q, course, more) in zip(upper.subfigures(2, 1), rows, strict=True):
+        strip.suptitle(title, x=0.01, ha="left", fontsize=10, fontweight="bold", color=INK)
+        for axis, (name, moment) in zip(strip.subplots(1, len(moments)), moments.items(), strict=True):
             row = int(np.argmin(np.abs(course.time - moment)))
             pose(axis, model, np.asarray(q)[row], course, row, radius, more)
             where = f"{moment:.1f} s, {np.degrees(course.turn[row]):.0f}°"
             axis.set_title(f"{name}\n{where}" if course is ball else where, fontsize=8.5, color=INK)
-        line[0].text(0.0, -0.02, title, transform=line[0].transAxes, fontsize=10, fontweight="bold", color=INK)
     curves(lower, ball, bulb, list(recording.model.pad_names), gait)
     lower.supxlabel(
-        "Simulated data (MuJoCo hand, independently of icjax); no person was measured. Grey: strokes. The line on ball "
-        "and glass marks one meridian; pads are filled where they press.",
+        "Simulated data (MuJoCo hand, independently of icjax); no person was measured. Grey: strokes. Thick and dashed "
+        "lines on ball and glass mark two opposite meridians; pads are filled where they press.",
         fontsize=7.5,
         color="#5B616B",
     )
@@ -128,9 +127,10 @@ def pose(axis: Any, model: Model, q: np.ndarray, course: Course, row: int, radiu
         meridian = np.column_stack([np.cos(slope) * np.cos(around), np.cos(slope) * np.sin(around), np.sin(slope)])
         place, near = seen(radius * meridian @ R.T + p)
         place = np.where((near > middle)[:, None], place, np.nan)
-        axis.plot(*place.T, color=INK if number == 0 else GREY, linewidth=2.2 if number == 0 else 0.7, zorder=4)
-    axis.set_xlim(-75, 75)
-    axis.set_ylim(-45, 145)
+        axis.plot(*place.T, color=INK if number % 2 == 0 else GREY, linewidth=(2.2, 0.7, 1.4, 0.7)[number],
+                  linestyle="--" if number == 2 else "-", zorder=4)  # fmt: skip
+    axis.set_xlim(-95, 75)
+    axis.set_ylim(-38, 182)
     axis.set_aspect("equal")
     axis.axis("off")
 

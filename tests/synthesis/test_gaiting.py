@@ -1,5 +1,7 @@
 """The movement of a hand that turned a ball turns a bulb: finger gaiting in the air with nothing dropped."""
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -20,8 +22,6 @@ GAIT = Gait(strokes=2, hold=0.2)
 @pytest.mark.slow
 def test_a_bulb_is_turned_by_the_gait_of_a_ball(tmp_path):
     """True compliance and reference of an independent simulation; the bulb stands on its cap at first."""
-    import dataclasses
-
     hand, ball, stand = Hand(), PressureBall(), Stand()
     truth = simulate_grasp(hand, ball.thing("ball"), gait_command(hand, GAIT), {}, 0.0005, stand).truth
     path = tmp_path / "hand.xml"
@@ -43,14 +43,14 @@ def test_a_bulb_is_turned_by_the_gait_of_a_ball(tmp_path):
         inertia=np.diag([3e-5, 3e-5, 8e-6]),
         pose=Pose(np.eye(3), np.array([0.0, 0.0, height])),
     )
-    scene = Scene("bulb", (Surface("table", table, 0.6),), objects=(bulb,), contacts=12)
-    _, info = rollout(model, scene, Target(jnp.asarray(reference), jnp.asarray(compliance)))
+    scene = Scene("bulb", (Surface("table", table, 0.6),), step=0.004, objects=(bulb,), contacts=12)
+    _, info = rollout(model, scene, Target(jnp.asarray(reference[::2]), jnp.asarray(compliance[::2])))
     np.testing.assert_array_equal(info.status, 0)
     R = Rotation.from_quat(np.asarray(info.object_quaternion)[:, 0][:, [1, 2, 3, 0]]).as_matrix()
     turn = np.unwrap(np.arctan2(R[:, 1, 0] - R[:, 0, 1], R[:, 0, 0] + R[:, 1, 1]))
     assert turn[-1] > 1.7 * GAIT.angle
     gaiting = truth.t >= GAIT.starts[0]
-    rise = np.asarray(info.object_position)[gaiting, 0, 2] - height
+    rise = np.asarray(info.object_position)[gaiting[::2], 0, 2] - height
     assert rise.min() > 0.015
-    true_rise = truth.object_pose[gaiting, 2] - height
+    true_rise = truth.object_pose[::2][gaiting[::2], 2] - height
     assert np.sqrt(np.mean((rise - true_rise) ** 2)) < 0.003
