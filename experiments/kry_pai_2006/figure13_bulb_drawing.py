@@ -45,7 +45,7 @@ def drawn(
 
     radius, *cylinders = shape
     moments = poses(gait)
-    figure = pyplot.figure(figsize=(12.5, 8.6), layout="constrained")
+    figure = pyplot.figure(figsize=(11.0, 7.8), layout="constrained")
     upper, lower = figure.subfigures(2, 1, height_ratios=[1.75, 1.0])
     rows = (
         ("f  ball that measures pressure, captured", recording.model, recording.q, ball, ()),
