@@ -5,6 +5,7 @@ from icjax.capture._ball import BallSpec as BallSpec
 from icjax.capture._ball import ball_contacts as ball_contacts
 from icjax.capture._ball import ball_pose as ball_pose
 from icjax.capture._ball import read_ball as read_ball
+from icjax.capture._ball_friction import balanced_friction as balanced_friction
 from icjax.capture._ball_recording import ball_recording as ball_recording
 from icjax.capture._calibrate import Calibration as Calibration
 from icjax.capture._calibrate import calibrate_model as calibrate_model

@@ -21,7 +21,8 @@ class BallSpec:
     """A pressure sensitive ball in its own frame, the origin in its middle.
 
     - `radius` m. `cells`: on its surface; `scale` turns what a channel holds into N (an area in m2 for Pa).
-    - `markers`: name and place (m). `tare`: intervals (s) in which nothing touches it.
+    - `markers`: name and place (m). `tare`: intervals (s) in which no fingertip touches it.
+    - `mass` kg, None where it is not stated.
     """
 
     path: Path
@@ -29,6 +30,7 @@ class BallSpec:
     cells: tuple[CellSpec, ...]
     markers: tuple[tuple[str, tuple[float, float, float]], ...]
     tare: tuple[tuple[float, float], ...]
+    mass: float | None = None
 
     @property
     def directions(self) -> Float[np.ndarray, "cell 3"]:
@@ -58,7 +60,8 @@ class BallContacts(NamedTuple):
 
 
 def read_ball(path: str | os.PathLike) -> BallSpec:
-    """Read what a pressure sensitive ball is: `radius`, `cells` (a map as for pressure arrays), [markers], `tare`.
+    """Read what a pressure sensitive ball is: `radius`, `cells` (a map as for pressure arrays), [markers], `tare`, and
+    `mass` if it is known.
 
     **Errors**: `FileError` naming the file and the key: a missing or unknown key, fewer than three markers, a cell off
     the surface.
@@ -73,6 +76,7 @@ def read_ball(path: str | os.PathLike) -> BallSpec:
         raise table.error(f"names {len(markers)} markers; the pose of a ball needs three")
     table.close()
     tare = top.take("tare", windows, "an interval [from, to] in s, or a list of them")
+    mass = top.number("mass", None, above=0.0)
     top.close()
     for cell in cells:
         assert cell.position is not None  # a map of cells has positions
@@ -81,7 +85,7 @@ def read_ball(path: str | os.PathLike) -> BallSpec:
             raise FileError(
                 path, f"cell '{cell.channel}' is {away:.4g} m from the middle; the radius is {radius:.4g} m"
             )
-    return BallSpec(path, radius, cells, markers, tare)
+    return BallSpec(path, radius, cells, markers, tare, mass)
 
 
 def ball_contacts(

@@ -11,7 +11,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from icjax.capture._ball import BallContacts, BallSpec, ball_contacts, ball_pose
+from icjax.capture._ball_friction import balanced_friction, lifted
 from icjax.capture._filters import runs
+from icjax.capture._plate_motion import GRAVITY
 from icjax.files import FileError, MotionFile
 from icjax.model import Model, pad_positions
 from icjax.recording import ContactEvents, Recording
@@ -39,6 +41,10 @@ def ball_recording(
     of the model and has its name. Slow and coarse as such a map is, it is meant for a reference trajectory with
     compliances known from elsewhere (`EstimationOptions(given=...)`), not for estimating them.
 
+    Only normal forces are measured. Where the ball's mass is stated, and it is lifted from where it lay in the tare
+    windows (along z), so that nothing but fingertips holds it, friction is completed by what balances its weight
+    ([`balanced_friction`]); without it a reference trajectory would hold a free ball millimetres from where it was.
+
     **Arguments**
 
     - `recording`: angles of the hand, as `capture` returns it for a trial that touches no source.
@@ -46,7 +52,7 @@ def ball_recording(
     - `ball`: from `read_ball`. `pressure`: a channel a cell, on the marker clock.
     - `reach` m: see `ball_contacts`. `cutoff` Hz: of the ball's markers.
 
-    **Returns** the recording with contacts (`contact_kinds` "pressure_array": normal forces only) and events.
+    **Returns** the recording with contacts (`contact_kinds` "pressure_array": no measured friction) and events.
 
     **Errors**: `ValueError` for a model without pads; `FileError` for a cell or marker that a file lacks, samples that
     are not finite, no sample in the tare windows, or a pressure map that does not cover the movement.
@@ -74,6 +80,10 @@ def ball_recording(
     outward = np.einsum("fij,fkj->fki", R, normal)
     point = ball.radius * outward + p[:, None]
     force = np.where(touching[:, :, None], pressed[:, :, None] * outward, 0.0)
+    if ball.mass is not None:
+        free = lifted(p[:, 2], _within(frames, ball.tare))[:, None, None]
+        carried = balanced_friction(force, ball.radius * outward, touching, ball.mass * GRAVITY)
+        force = force + free * (carried - force)
     provenance = json.loads(recording.provenance or "{}")
     provenance["normal_only"] = list(model.pad_names)
     provenance["pressure_ball"] = {
@@ -81,6 +91,7 @@ def ball_recording(
         "rate_hz": 1.0 / period,
         "cells": len(ball.cells),
         "reach_m": reach,
+        "friction": "not measured" if ball.mass is None else "from the balance of the lifted ball",
         "largest_force_elsewhere_n": float(found.elsewhere.max()),
     }
     return dataclasses.replace(
@@ -114,9 +125,7 @@ def _tared(ball: BallSpec, pressure: MotionFile) -> tuple[np.ndarray, np.ndarray
         raise FileError(
             pressure.path, f"cell '{channels[cell]}' is not a finite number at {pressure.analog_time[sample]:g} s"
         )
-    unloaded = np.zeros(len(values), bool)
-    for start, stop in ball.tare:
-        unloaded |= (pressure.analog_time >= start - 1e-9) & (pressure.analog_time <= stop + 1e-9)
+    unloaded = _within(pressure.analog_time, ball.tare)
     if unloaded.sum() < 5:
         raise FileError(
             pressure.path, f"has {unloaded.sum()} samples in the tare windows of {ball.path.name}; it needs five"
@@ -125,6 +134,10 @@ def _tared(ball: BallSpec, pressure: MotionFile) -> tuple[np.ndarray, np.ndarray
     # Few samples make the deviation of one cell uncertain, all cells together do not: the larger of both counts.
     deviation = np.maximum(rest.std(axis=0), np.sqrt(np.mean(rest.var(axis=0))))
     return values - rest.mean(axis=0), THRESHOLD_SD * deviation
+
+
+def _within(time: np.ndarray, windows: tuple[tuple[float, float], ...]) -> Bool[np.ndarray, " frame"]:
+    return np.any([(time >= start - 1e-9) & (time <= stop + 1e-9) for start, stop in windows], axis=0)
 
 
 def _between_samples(

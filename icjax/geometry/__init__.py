@@ -16,3 +16,4 @@ from icjax.geometry._shape import MassProperties as MassProperties
 from icjax.geometry._shape import Placed as Placed
 from icjax.geometry._shape import Probes as Probes
 from icjax.geometry._shape import Shape as Shape
+from icjax.geometry._union import Union as Union

@@ -9,21 +9,23 @@ import numpy as np
 
 from icjax.geometry._box import Box
 from icjax.geometry._capsule_contact import capsule_contact
-from icjax.geometry._manifold import Manifold
+from icjax.geometry._manifold import Manifold, joined
 from icjax.geometry._plane import Plane
 from icjax.geometry._polytope_contact import polytope_contact
 from icjax.geometry._prism import Prism
 from icjax.geometry._round import Capsule, Sphere
 from icjax.geometry._shape import Placed, Shape
+from icjax.geometry._union import Union
 from icjax.spatial import Pose
 
 
 def contact_manifold(first: Shape, second: Shape) -> Manifold:
-    """Where two convex solids touch.
+    """Where two solids touch, convex ones or unions of these.
 
     - Sphere and any solid: one point.
     - Any solid and plane: its probes, all its corners or the balls that touch its surface from within.
     - Boxes and prisms: the corners of the overlap of two faces, or one point where two edges cross.
+    - Unions: every part by itself.
     - Capsule and box, prism or capsule: the closest point, and the far end of the part of the capsule that lies over
       the closest face or beside the other capsule.
 
@@ -44,6 +46,10 @@ def contact_manifold(first: Shape, second: Shape) -> Manifold:
     **Errors**: `ValueError` for two solids whose contact is not implemented; see [`manifold_size`].
     """
     (a, X), (b, Y) = _unplaced(first), _unplaced(second)
+    if isinstance(a, Union):
+        return joined([contact_manifold(Placed(part, X), second) for part in a.parts])
+    if isinstance(b, Union):
+        return joined([contact_manifold(first, Placed(part, Y)) for part in b.parts])
     contact = _contact_of(a, b)
     if contact is not None:
         return contact(a, Placed(b, X.inverse() @ Y)).moved(X)
@@ -55,10 +61,17 @@ def contact_manifold(first: Shape, second: Shape) -> Manifold:
 
 def manifold_size(first: Shape, second: Shape) -> int:
     """How many points the contact of two solids has, active or not; zero where it is not implemented."""
-    cores = [_unplaced(shape)[0] for shape in (first, second)]
-    if _contact_of(*cores) is None and _contact_of(*cores[::-1]) is None:
+    if not _implemented(first, second):
         return 0
     return jax.eval_shape(contact_manifold, first, second).gap.shape[0]
+
+
+def _implemented(first: Shape, second: Shape) -> bool:
+    a, b = _unplaced(first)[0], _unplaced(second)[0]
+    if isinstance(a, Union) or isinstance(b, Union):
+        parts = [shape.parts if isinstance(shape, Union) else (shape,) for shape in (a, b)]
+        return all(_implemented(one, other) for one in parts[0] for other in parts[1])
+    return _contact_of(a, b) is not None or _contact_of(b, a) is not None
 
 
 def _contact_of(first: Shape, second: Shape) -> Callable[[Any, Placed], Manifold] | None:

@@ -1,6 +1,9 @@
 """Where two solids touch: a fixed number of points with normals and gaps."""
 
+from collections.abc import Sequence
+
 import equinox as eqx
+import jax.numpy as jnp
 
 from icjax.spatial import Pose
 from icjax.typing import Bool, Float, Real
@@ -35,3 +38,9 @@ class Manifold(eqx.Module):
     def exchanged(self) -> "Manifold":
         """The second solid as the first one."""
         return Manifold(self.point - self.gap[:, None] * self.normal, -self.normal, self.gap, self.active)
+
+
+def joined(manifolds: Sequence[Manifold]) -> Manifold:
+    """The points of several manifolds in one."""
+    names = ("point", "normal", "gap", "active")
+    return Manifold(*(jnp.concatenate([getattr(item, name) for item in manifolds]) for name in names))

@@ -1,7 +1,7 @@
 """Virtual capture studio: independent MuJoCo subjects that are recorded as a motion-capture laboratory would.
 
-A finger taps and strokes a plate (`record`); a hand grasps and lifts free objects (`grasp_session`) or rolls a
-ball that measures pressure (`ball_session`).
+A finger taps and strokes a plate (`record`); a hand grasps and lifts free objects (`grasp_session`), or rolls or
+turns a ball that measures pressure (`ball_session`).
 
 Nothing here is shared with the estimators or the synthesis; the truth is written apart from the recording.
 """
@@ -9,6 +9,7 @@ Nothing here is shared with the estimators or the synthesis; the truth is writte
 from icjax.laboratory._ball_session import ball_session as ball_session
 from icjax.laboratory._dynamics import Truth as Truth
 from icjax.laboratory._free_object import FreeObject as FreeObject
+from icjax.laboratory._gait import Gait as Gait
 from icjax.laboratory._grasp import GraspTruth as GraspTruth
 from icjax.laboratory._grasp_session import grasp_session as grasp_session
 from icjax.laboratory._grasp_session import load_grasp as load_grasp
@@ -23,6 +24,7 @@ from icjax.laboratory._record import record as record
 from icjax.laboratory._replay import bump_under as bump_under
 from icjax.laboratory._replay import load_truth as load_truth
 from icjax.laboratory._replay import replay as replay
+from icjax.laboratory._stand import Stand as Stand
 from icjax.laboratory._subject import Subject as Subject
 from icjax.laboratory._surface import Bump as Bump
 from icjax.laboratory._surface import Surface as Surface

@@ -13,6 +13,7 @@ from icjax.laboratory._hand_model import HAND_DRIVEN, build_hand
 from icjax.laboratory._instruments import Markers
 from icjax.laboratory._movement import RATE
 from icjax.laboratory._mujoco import MjData, MjModel, mujoco
+from icjax.laboratory._stand import Stand
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,16 +62,21 @@ class GraspMotion:
 
 
 def simulate_grasp(
-    hand: Hand, thing: FreeObject, command: np.ndarray, markers: Markers, timestep: float
+    hand: Hand,
+    thing: FreeObject,
+    command: np.ndarray,
+    markers: Markers,
+    timestep: float,
+    stand: Stand | None = None,
 ) -> GraspMotion:
-    """Follow a command [frame, 24] (forearm x, y, z, then joints; at 500 Hz) with an object on the table.
+    """Follow a command [frame, 24] (forearm x, y, z, then joints; at 500 Hz) with an object on the table or a stand.
 
     The generalised force is tau = tau_ff + K (theta_plan - theta) + B (theta_plan' - theta'), with tau_ff the inverse
     dynamics of the planned motion of the empty hand, gravity included: the weight of the object is met by compliance.
 
     **Errors**: `RuntimeError` where the simulation diverges.
     """
-    alone, model = build_hand(hand, None, {}, timestep), build_hand(hand, thing, markers, timestep)
+    alone, model = build_hand(hand, None, {}, timestep), build_hand(hand, thing, markers, timestep, stand)
     address = [int(model.joint(name).qposadr[0]) for name in HAND_DRIVEN]
     force = feed_forward(alone, command, address, timestep)
     free, _ = run_applied(alone, _start(alone, command, address), force)

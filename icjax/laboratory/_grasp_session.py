@@ -12,6 +12,7 @@ import numpy as np
 from icjax.files import FileError, write_c3d
 from icjax.laboratory._dynamics import ANALOG_RATE
 from icjax.laboratory._free_object import FreeObject
+from icjax.laboratory._gait import Gait
 from icjax.laboratory._grasp import GraspMotion, GraspTruth, simulate_grasp
 from icjax.laboratory._hand import FINGERS, Hand
 from icjax.laboratory._hand_model import described_xml
@@ -198,7 +199,7 @@ def write_hand(
     seed: int,
     hand: Hand,
     objects: Sequence[FreeObject],
-    lift: Lift,
+    lift: Lift | Gait,
     timestep: float,
     placed: Markers,
     instruments: dict[str, Any],

@@ -7,6 +7,7 @@ from icjax.laboratory._free_object import TABLE_FRICTION, FreeObject
 from icjax.laboratory._hand import FINGER_JOINTS, FINGERS, HAND_JOINTS, PAD_MASS, SEGMENTS, WRIST_FLEXION, Hand
 from icjax.laboratory._instruments import Markers
 from icjax.laboratory._mujoco import MjModel, mujoco
+from icjax.laboratory._stand import Stand
 
 FOREARM = ("forearm_x", "forearm_y", "forearm_z")
 
@@ -35,13 +36,17 @@ def wrist_origin(hand: Hand) -> np.ndarray:
     return np.array([-0.37 * hand.hand_length, 0.0, GRIP_HEIGHT + 0.58 * hand.hand_length])
 
 
-def build_hand(hand: Hand, thing: FreeObject | None, markers: Markers, timestep: float) -> MjModel:
+def build_hand(
+    hand: Hand, thing: FreeObject | None, markers: Markers, timestep: float, stand: Stand | None = None
+) -> MjModel:
     """The MuJoCo model; `markers` are sites on the bodies of the hand and on "object"."""
-    return mujoco.MjModel.from_xml_string(hand_xml(hand, thing, markers, timestep))
+    return mujoco.MjModel.from_xml_string(hand_xml(hand, thing, markers, timestep, stand))
 
 
-def hand_xml(hand: Hand, thing: FreeObject | None, markers: Markers, timestep: float) -> str:
-    """MJCF of the dynamic hand over a table, with an object or without one."""
+def hand_xml(
+    hand: Hand, thing: FreeObject | None, markers: Markers, timestep: float, stand: Stand | None = None
+) -> str:
+    """MJCF of the dynamic hand over a table, with an object, on the table or a stand, or without one."""
     friction = f"{TABLE_FRICTION} 0.005 0.0001"
     return f"""
 <mujoco model="virtual capture studio: hand">
@@ -52,9 +57,9 @@ def hand_xml(hand: Hand, thing: FreeObject | None, markers: Markers, timestep: f
   {_mesh(thing)}
   <worldbody>
     <geom name="table" type="plane" size="1 1 0.1" contype="2" conaffinity="2" friction="{friction}" priority="2"
-          {RIGID}/>
+          {RIGID}/>{_stand(stand)}
 {_arm(hand, markers, dynamic=True)}
-    {_thing(thing, markers)}
+    {_thing(thing, markers, stand)}
   </worldbody>
   {_sensors(thing)}
 </mujoco>
@@ -139,9 +144,21 @@ def _mesh(thing: FreeObject | None) -> str:
     return f'<asset><mesh name="object" vertex="{row(thing.vertices().reshape(-1))}"/></asset>'
 
 
-def _thing(thing: FreeObject | None, markers: Markers) -> str:
+def _stand(stand: Stand | None) -> str:
+    if stand is None:
+        return ""
+    friction = f"{TABLE_FRICTION} 0 0"
+    return "".join(
+        f'\n    <geom type="sphere" size="{stand.bead!r}" pos="{row(place)}" contype="2" conaffinity="2" '
+        f'friction="{friction}" priority="2" {RIGID}/>'
+        for place in stand.places
+    )
+
+
+def _thing(thing: FreeObject | None, markers: Markers, stand: Stand | None) -> str:
     if thing is None:
         return ""
+    middle = 0.5 * thing.height if stand is None else stand.height_of(0.5 * thing.height)
     on_it = ((label, place) for label, (body, place) in markers.items() if body == "object")
     sites = "".join(f'<site name="{label}" pos="{row(place)}"/>' for label, place in on_it)
     shape = {
@@ -151,7 +168,7 @@ def _thing(thing: FreeObject | None, markers: Markers) -> str:
         "wedge": lambda: 'type="mesh" mesh="object"',
     }[thing.shape]()
     return (
-        f'<body name="object" pos="0 0 {0.5 * thing.height!r}"><joint name="object" type="free"/>'
+        f'<body name="object" pos="0 0 {middle!r}"><joint name="object" type="free"/>'
         f'<geom name="object" {shape} mass="{thing.mass!r}" contype="2" conaffinity="3" condim="3" '
         f'friction="{thing.friction!r} 0 0" {RIGID}/>{sites}</body>'
     )

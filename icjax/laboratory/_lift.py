@@ -93,19 +93,19 @@ def lift_command(hand: Hand, lift: Lift) -> np.ndarray:
         closing, rolling = [], []
         for part in fraction:
             half = 0.5 * (lift.open + part * (lift.grip - lift.open)) + radius
-            closing.append(_reach(model, data, finger, np.array([side * half, across, GRIP_HEIGHT + above])))
+            closing.append(reach(model, data, finger, np.array([side * half, across, GRIP_HEIGHT + above])))
         columns = [3 + index for index, name in enumerate(HAND_JOINTS) if name.startswith(f"{finger}_")]
         command[:, columns] = CubicSpline(fraction, np.asarray(closing))(closed)
         if lift.roll > 0.0:
             for part in fraction:
                 target = np.array([side * (0.5 * lift.grip + radius), across, GRIP_HEIGHT + above])
                 target[2] += part * side * lift.roll
-                rolling.append(_reach(model, data, finger, target) - closing[-1])
+                rolling.append(reach(model, data, finger, target) - closing[-1])
             command[:, columns] += CubicSpline(fraction, np.asarray(rolling))(rolled)
     return command
 
 
-def _reach(model: MjModel, data: MjData, finger: str, target: np.ndarray) -> np.ndarray:
+def reach(model: MjModel, data: MjData, finger: str, target: np.ndarray) -> np.ndarray:
     """Angles near the comfortable posture that bring the centre of a fingertip to a place in the world.
 
     Newton steps from the comfortable posture, each the least one in the sense of sum_i dtheta_i^2 / `MOBILITY`_i.

@@ -20,6 +20,9 @@ LEAST_PATCH = 0.0015
 BALL_MARKERS = ((0.15, 0.98, 0.15), (-0.20, -0.97, 0.10), (0.10, 0.30, 0.95), (-0.15, -0.40, 0.90), (0.05, 0.75, 0.66))
 """Directions of the markers BALL1, BALL2, ... on a ball at rest: beside and above the grip."""
 
+TURNED_MARKERS = ((0.10, 0.30, 0.95), (-0.15, -0.40, 0.90), (0.05, 0.70, 0.72), (0.68, -0.25, 0.70), (-0.66, 0.1, 0.75))
+"""The same on a ball that is turned about the vertical: above the grip all the way round."""
+
 MARKER_HEIGHT = 0.003
 """Of a marker's centre over the ball, m."""
 
@@ -71,9 +74,10 @@ class PressureBall:
         """Of a cell, m2."""
         return math.pi * self.diameter**2 / self.cells
 
-    def markers(self) -> Markers:
-        """Nominal places of the markers in the ball's frame, m."""
-        directions = np.asarray(BALL_MARKERS) / np.linalg.norm(BALL_MARKERS, axis=1, keepdims=True)
+    def markers(self, turned: bool = False) -> Markers:
+        """Nominal places of the markers in the ball's frame, m; other ones on a ball that is `turned`."""
+        directions = np.asarray(TURNED_MARKERS if turned else BALL_MARKERS)
+        directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
         return {
             f"BALL{number}": ("object", (0.5 * self.diameter + MARKER_HEIGHT) * direction)
             for number, direction in enumerate(directions, start=1)

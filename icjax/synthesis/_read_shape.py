@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from icjax.files import Table, as_numbers, as_rotation
-from icjax.geometry import Box, Capsule, Cylinder, Ellipsoid, Placed, Plane, Prism, Shape, Sphere, wedge
+from icjax.geometry import Box, Capsule, Cylinder, Ellipsoid, Placed, Plane, Prism, Shape, Sphere, Union, wedge
 from icjax.spatial import Pose, quaternion_to_rotation
 
 UNIT = 0.01
@@ -93,6 +93,17 @@ def _prism(table: Table) -> Shape:
         raise table.error(f"key 'outline' is none of a prism: {error}") from error
 
 
+def _union(table: Table) -> Shape:
+    parts = []
+    for part in table.tables("part"):
+        _, shape = read_object_shape(part)
+        parts.append(Placed(shape, read_pose(part)))
+        part.close()
+    if not parts:
+        raise table.error("needs at least one [[part]] table")
+    return Union(parts)
+
+
 def _as_points(value: Any) -> list[tuple[float, ...]]:
     if not isinstance(value, list) or not value:
         raise ValueError
@@ -114,4 +125,5 @@ _SOLIDS: dict[str, Callable[[Table], Shape]] = {
     "ellipsoid": _ellipsoid,
     "wedge": _wedge,
     "prism": _prism,
+    "union": _union,
 }

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
-from icjax.geometry import Ellipsoid, Placed, Plane, Shape
+from icjax.geometry import Ellipsoid, Placed, Plane, Shape, Union
 from icjax.typing import Float, Real
 
 MOST_FRICTION = 20.0
@@ -53,6 +53,10 @@ def check_solid(what: str, shape: Shape, friction: Real) -> None:
     if isinstance(shape, Placed):
         _check_numbers(what, {"position": shape.pose.position, "rotation": shape.pose.rotation})
         return check_solid(what, shape.shape, friction)
+    if isinstance(shape, Union):
+        for part in shape.parts:
+            check_solid(what, part, friction)
+        return None
     return _check_numbers(what, {field.name: getattr(shape, field.name) for field in dataclasses.fields(shape)})
 
 
@@ -96,10 +100,14 @@ def _check_numbers(what: str, fields: dict[str, Any]) -> None:
 
 def described(shape: Shape) -> dict[str, Any]:
     """The shape in words and numbers, for JSON; where an ellipsoid or a plane is placed, its own numbers say."""
+    if isinstance(shape, Union):
+        return {"shape": "union", "parts": [described(part) for part in shape.parts]}
     if isinstance(shape, Placed):
         inner, pose = shape.shape, shape.pose
         if isinstance(inner, Placed):
             return described(Placed(inner.shape, pose @ inner.pose))
+        if isinstance(inner, Union):
+            return described(Union([Placed(part, pose) for part in inner.parts]))
         if isinstance(inner, Ellipsoid):
             return described(Ellipsoid(pose.apply(inner.centre), pose.rotation @ inner.rotation, inner.radii))
         if isinstance(inner, Plane):

@@ -9,7 +9,7 @@ from icjax.interaction import Interaction
 from icjax.recording import Recording
 from icjax.rollout import Rollout
 from icjax.view._skeleton import up_direction
-from icjax.view._solids import Solid, solid
+from icjax.view._solids import Solid, parts_of, solid
 from icjax.view._style import OBJECTS
 from icjax.view._surfaces import scene_content
 
@@ -28,15 +28,16 @@ class Moving(NamedTuple):
 
 
 def moving(record: Recording | Interaction | Rollout, rows: np.ndarray | slice = slice(None)) -> tuple[Moving, ...]:
-    """The objects of a rollout at some of its times; none of any other record."""
+    """The objects of a rollout at some of its times, a union as its parts; none of any other record."""
     if not isinstance(record, Rollout) or record.object_position is None:
         return ()
     found = []
     for number, name in enumerate(record.object_names):
-        shape = solid(object_entry(record, name), name)
-        if shape is not None:
-            position = np.asarray(record.object_position, float)[rows, number]
-            found.append(Moving(shape, object_colour(number), object_rotation(record, number)[rows], position))
+        position, rotation = np.asarray(record.object_position, float)[rows, number], object_rotation(record, number)
+        for entry in parts_of(object_entry(record, name)):
+            shape = solid(entry, name)
+            if shape is not None:
+                found.append(Moving(shape, object_colour(number), rotation[rows], position))
     return tuple(found)
 
 

@@ -27,6 +27,13 @@ class Solid(NamedTuple):
     friction: float | None = None
 
 
+def parts_of(entry: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """What a description is made of: the parts of a union, everything else itself."""
+    if entry.get("shape") != "union":
+        return [entry]
+    return [found for part in entry.get("parts", ()) for found in parts_of(part)]
+
+
 def solid(entry: Mapping[str, Any], name: str, friction: float | None = None) -> Solid | None:
     """A solid where `position` and `rotation` of its description place it, None for a shape that is no solid."""
     mesh, circles = _mesh(entry)

@@ -10,7 +10,7 @@ from icjax.interaction import Interaction
 from icjax.recording import Recording
 from icjax.rollout import Rollout
 from icjax.view._skeleton import up_direction
-from icjax.view._solids import Solid, section, solid
+from icjax.view._solids import Solid, parts_of, section, solid
 from icjax.view._style import RIM, SURFACE
 
 
@@ -63,9 +63,11 @@ def scene_surfaces(scene: str) -> tuple[Shape, ...]:
         entries = [{"name": name, **entry} for name, entry in entries.items()]
     shapes: list[Shape] = []
     for index, entry in enumerate(entries):
-        shape = _shape(entry, f"surface {index}", content.get("friction"))
-        if shape is not None:
-            shapes.append(shape)
+        own = {key: entry[key] for key in ("name", "friction") if key in entry}
+        for part in parts_of(entry):
+            shape = _shape({**part, **own}, f"surface {index}", content.get("friction"))
+            if shape is not None:
+                shapes.append(shape)
     return tuple(shapes)
 
 

@@ -293,3 +293,17 @@ def test_reading_a_ball(tmp_path, old, new, word):
     with pytest.raises(FileError, match=word) as caught:
         read_ball(path)
     assert "ball.toml" in str(caught.value)
+
+
+def test_a_lifted_ball_whose_mass_is_known_gets_the_friction_that_carries_it():
+    """Both sides carry half of 0.49 N once it is 3 mm up; nothing is added while it may still lie."""
+    rise = 0.005 * np.clip((TIME - 1.5) / 0.1, 0.0, 1.0)
+    place = np.column_stack([0.0 * TIME, 0.0 * TIME, rise])
+    motion = motion_of(Rotation.identity(len(TIME)), place, TIME)
+    known = dataclasses.replace(BALL, mass=0.05)
+    result = ball_recording(hand_recording(), motion, known, pressure_file(0.0))
+    np.testing.assert_array_equal(np.abs(result.contact_force[TIME < 1.45, :, 2]) < 0.05, True)
+    up = result.contact_force[TIME > 1.65]
+    np.testing.assert_allclose(up.sum(axis=1)[:, 2], -0.05 * 9.81, atol=0.01)
+    np.testing.assert_allclose(up[:, :, 2], -0.245, atol=0.04)
+    assert "balance" in json.loads(result.provenance)["pressure_ball"]["friction"]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from icjax.files import FileError
-from icjax.geometry import Box, Capsule, Cylinder, Ellipsoid, Placed, Plane, Prism, Sphere, wedge
+from icjax.geometry import Box, Capsule, Cylinder, Ellipsoid, Placed, Plane, Prism, Sphere, Union, wedge
 from icjax.spatial import Pose
 from icjax.synthesis import Object, Scene, Surface, read_scene
 
@@ -52,7 +52,7 @@ BAD = {
     "toml": ("name =", "name", "is not valid TOML"),
     "top key": ('name = "bumpy"', "nmae = 1", "unknown key 'nmae'; did you mean 'name'"),
     "surface key": ("normal = [0, 0, 2]", "normal = [0, 0, 2]\nradius = 1", "1 'plate': has the unknown key 'radius'"),
-    "shape": ('"ellipsoid"', '"cube"', "2 'bump': key 'shape' must be one of 'plane', 'box', .*'prism', not 'cube'"),
+    "shape": ('"ellipsoid"', '"cube"', "2 'bump': key 'shape' must be one of 'plane', 'box', .*'union', not 'cube'"),
     "missing": ("centre = [0.1, 0.2, 0.3]", "", "2 'bump': needs the key 'centre'"),
     "size": ("[0.1, 0.2, 0.3]", "[0.1, 0.2]", "2 'bump': key 'centre' must be three numbers"),
     "text": ("[0.1, 0.2, 0.3]", '"here"', "2 'bump': key 'centre' must be three numbers"),
@@ -111,6 +111,42 @@ SHAPES = {
         Prism(np.array([[0.0, 0.0], [0.03, 0.0], [0.0, 0.02]]), 0.01),
     ),
 }  # fmt: skip
+
+
+def test_a_union_is_read_part_by_part(tmp_path):
+    path = tmp_path / "bulb.toml"
+    text = """
+friction = 0.5
+[[object]]
+name = "bulb"
+shape = "union"
+mass = 0.03
+position = [0.4, 0.5, 0.6]
+[[object.part]]
+shape = "sphere"
+radius = 0.03
+position = [0, 0, 0]
+[[object.part]]
+shape = "cylinder"
+radius = 0.013
+half_length = 0.01
+position = [0, 0, -0.04]
+"""
+    path.write_text(text)
+    scene = read_scene(path)
+    none = np.zeros(3)
+    parts = [(Sphere(0.03), none), (Cylinder(0.013, 0.01), np.array([0.0, 0.0, -0.04]))]
+    same(scene.objects[0].shape, Union([Placed(part, Pose(np.eye(3), place)) for part, place in parts]))
+    described = json.loads(scene.describe())["objects"][0]
+    assert (described["shape"], [part["shape"] for part in described["parts"]]) == ("union", ["sphere", "cylinder"])
+    path.write_text(text.replace("half_length = 0.01", "half_length = 0.01\nheight = 1"))
+    with pytest.raises(FileError, match=r"\[\[part\]\] 2: has the unknown key 'height'"):
+        read_scene(path)
+    path.write_text(text[: text.index("[[object.part]]")])
+    with pytest.raises(FileError, match=r"needs at least one \[\[part\]\]"):
+        read_scene(path)
+    with pytest.raises(ValueError, match="radius must be positive"):
+        Surface("bulb", Union([Sphere(0.1), Sphere(0.0)]), 0.5)
 
 
 def same(shape, expected):

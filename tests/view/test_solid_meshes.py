@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from icjax.geometry import Box, Capsule, Cylinder, Ellipsoid, Placed, Prism, Sphere, wedge
+from icjax.geometry import Box, Capsule, Cylinder, Ellipsoid, Placed, Prism, Sphere, Union, wedge
 from icjax.spatial import Pose
 from icjax.synthesis import Scene, Surface
 from icjax.view._solids import section, silhouette, solid
@@ -67,6 +67,16 @@ def test_what_is_no_solid_is_not_drawn():
     assert solid({"shape": "torus", "radius": 1.0}, "ring") is None
     assert solid({}, "nothing") is None
     assert scene_surfaces('{"surfaces": [{"name": "ring", "shape": "torus"}]}') == ()
+
+
+def test_a_union_is_drawn_as_its_parts():
+    pose, low = Pose(TURN.as_matrix(), PLACE), Pose(np.eye(3), np.array([0.0, 0.0, -0.03]))
+    parts = [Placed(SHAPES["sphere"], pose), Placed(SHAPES["cylinder"], pose @ low)]
+    union = Placed(Union([SHAPES["sphere"], Placed(SHAPES["cylinder"], low)]), pose)
+    found = scene_surfaces(Scene("one", (Surface("bulb", union, 0.5),)).describe())
+    assert [(item.name, item.friction) for item in found] == [("bulb", 0.5)] * 2
+    for item, part in zip(found, parts, strict=True):
+        np.testing.assert_allclose(distances(part, item.vertices), 0.0, rtol=0, atol=1e-9)
 
 
 def area(points) -> float:
