@@ -120,12 +120,18 @@ def _add_points(element: Any, model: Model, body: int) -> None:
             )  # fmt: skip
     for pad, owner in enumerate(model.pad_bodies):
         if owner == body:
+            place = {"pos": _text(model.pad_centre[pad])}
+            if pad in model.capsule_pads:
+                axis = np.asarray(model.pad_axis)[pad]
+                ends = np.concatenate(
+                    [model.pad_centre[pad] + axis, model.pad_centre[pad] - axis]
+                )  # the second end is below
+                place = {"type": "capsule", "fromto": _text(ends)}
             ElementTree.SubElement(
                 element,
                 "geom",
-                {"class": "pad"},
+                {"class": "pad", **place},
                 name=model.pad_names[pad],
-                pos=_text(model.pad_centre[pad]),
                 size=_text(model.pad_radius[pad]),
                 user=_text(model.pad_compliance[pad]),
                 mass="0",

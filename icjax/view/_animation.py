@@ -81,7 +81,7 @@ def _add_hand(gltf: Gltf, world: int, times: int, record: Any, shown: Frames) ->
         for number, mesh in enumerate(meshes):
             gltf.node(f"{model.body_names[body]} segment {number}", node, mesh)
         for pad, name in enumerate(model.pad_names):
-            if model.pad_bodies[pad] == body:
+            if model.pad_bodies[pad] == body and pad not in model.capsule_pads:  # those are bones
                 gltf.node(
                     name, node, _ball(gltf, float(model.pad_radius[pad]), skin), np.asarray(model.pad_centre[pad])
                 )

@@ -35,7 +35,7 @@ def bones(model: Model) -> tuple[Bone, ...]:
     A body reaches from its origin to the origin of each child body, or to its contact pads, or to twice its
     centre of mass where it has neither; a body whose frame sits at its child's origin (a forearm with its frame at
     the wrist) reaches there from twice its centre of mass. Thickness follows the pad where the model has one, else
-    the length; it is a picture, not a collision shape.
+    the length; it is a picture, not a collision shape, but for the pads that are capsules.
 
     **Returns**: a tuple of `Bone`.
     """
@@ -49,7 +49,17 @@ def bones(model: Model) -> tuple[Bone, ...]:
     for (body, begin, end, pad), length in zip(segments, lengths, strict=True):
         start = thin * np.clip((length / lengths.min()) ** 0.45, 1.0, 1.9)
         made.append(Bone(body, begin, end, float(start), float(pad or 0.86 * start)))
-    return tuple(made)
+    return (*made, *_capsules(model))
+
+
+def _capsules(model: Model) -> list[Bone]:
+    """Pads that are capsules, as they are."""
+    found = []
+    for pad in model.capsule_pads:
+        centre, axis = np.asarray(model.pad_centre[pad], dtype=float), np.asarray(model.pad_axis, dtype=float)[pad]
+        radius = float(model.pad_radius[pad])
+        found.append(Bone(model.pad_bodies[pad], centre - axis, centre + axis, radius, radius))
+    return found
 
 
 def _segments(model: Model) -> list[tuple[int, np.ndarray, np.ndarray, float | None]]:
@@ -61,7 +71,7 @@ def _segments(model: Model) -> list[tuple[int, np.ndarray, np.ndarray, float | N
         children = [child for child in range(1, count) if model.body_parents[child] == body]
         ends: list[tuple[np.ndarray, float | None]] = [(position[child], None) for child in children]
         for pad, owner in enumerate(model.pad_bodies):
-            if owner == body:
+            if owner == body and pad not in model.capsule_pads:
                 ends.append((np.asarray(model.pad_centre[pad], dtype=float), float(model.pad_radius[pad])))
         far, origin = 2.0 * np.asarray(model.body_com[body], dtype=float), np.zeros(3)
         made = [(body, origin, end, pad) for end, pad in ends if np.linalg.norm(end) > SHORTEST]

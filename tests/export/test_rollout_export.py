@@ -77,7 +77,8 @@ def test_a_model_comes_back_from_mujoco_as_it_was(rollout, tmp_path, kind):
             <joint name="turn" axis="1 0 0" pos="0 0.01 0" range="-0.5 1" stiffness="2" springref="0.1" damping="0.3"/>
             <geom size="0.01 0.03" type="capsule" mass="0.2"/>
             <body name="b" pos="0 0 0.1"><joint name="hip" type="ball" armature="0.001"/>
-            <geom name="pad" type="sphere" size="0.007" pos="0 0 0.05" mass="0.01" user="0.002"/></body>
+            <geom name="pad" type="sphere" size="0.007" pos="0 0 0.05" mass="0.01" user="0.002"/>
+            <geom name="pad_rod" type="capsule" fromto="0 0.01 0 0.01 0 0.04" size="0.005" mass="0.01"/></body>
             <body name="c" pos="0 0.1 0"><geom size="0.01" mass="0.1"/><site name="m" pos="0 0 0.01"/></body></body>
             <body name="d"><freejoint name="fly"/><geom type="box" size="0.1 0.1 1e-4" mass="0.5"/></body>
             </worldbody></mujoco>""")  # a thin plate: the largest moment is the sum of the others
@@ -101,9 +102,10 @@ def test_a_model_comes_back_from_mujoco_as_it_was(rollout, tmp_path, kind):
         before.joint_names,
         before.joint_types,
     )
+    assert after.pad_types == before.pad_types
     for field in dataclasses.fields(before):
         old, new = getattr(before, field.name), getattr(after, field.name)
-        if not isinstance(old, str | tuple) and field.name != "gravity":
+        if not isinstance(old, str | tuple | None) and field.name != "gravity":
             same = np.isfinite(np.asarray(old))
             if field.name in ("compliance", "damping"):  # of a free joint MuJoCo has one number, not six
                 same &= np.array([not name.startswith(("root_", "fly_")) for name in before.dof_names])
