@@ -53,7 +53,7 @@ class Interaction(eqx.Module):
     """Interaction trajectory of one recording: theta = theta_r + C tau (Eq. 1).
 
     `compliance` is zero on driven degrees of freedom (a moving root). `reference` equals the measured `q`
-    without contact.
+    without contact. `full_compliance`, where joints are coupled, is what a transfer uses instead of the diagonal.
     """
 
     name: str = static()
@@ -74,6 +74,10 @@ class Interaction(eqx.Module):
     provenance: str = static()  # JSON text
     torque_sd: Float[Real, "time dof"] | None = optional(
         "time", "dof", unit="Nm", doc="standard deviation of the torque, from joint angles, forces and contact points"
+    )
+
+    full_compliance: Float[Real, "time dof dof2"] | None = optional(
+        "time", "dof", "dof2", unit="rad/Nm", doc="symmetric C of coupled joints; `compliance` is its diagonal"
     )
 
     def save(self, path: str | os.PathLike) -> None:

@@ -40,9 +40,10 @@ def resample(
     def between(start, end, s):
         return integrate(model, start, s * difference(model, start, end))
 
+    share = part.reshape(-1, *(1 for _ in compliance.shape[1:]))
     return Target(
         reference=jax.vmap(between)(reference[left], reference[left + 1], part),
-        compliance=compliance[left] + part[:, None] * (compliance[left + 1] - compliance[left]),
+        compliance=compliance[left] + share * (compliance[left + 1] - compliance[left]),
     )
 
 
@@ -70,7 +71,8 @@ def transfer(
     start, end = float(interaction.time[0]), float(interaction.time[-1])
     count = int(np.floor((end - start) / scene.step * (1.0 + 1e-12) + 1e-9)) + 1
     time = start + scene.step * np.arange(count)
-    samples = Target(reference=interaction.reference, compliance=interaction.compliance)
+    full = interaction.full_compliance
+    samples = Target(interaction.reference, interaction.compliance if full is None else full)
     targets = resample(*jax.tree.map(jnp.asarray, (model, interaction.time, samples, time)))
     _, info = rollout(model, scene, targets, policy=policy, progress=progress)
     found = {name: np.asarray(value) for name, value in vars(info).items()}
@@ -98,7 +100,7 @@ def _check(interaction: Interaction, scene: Scene) -> None:
     if not interaction.model.pad_names:
         raise ValueError(
             f"model {interaction.model.name!r} has no contact pads, so nothing of it can touch a surface; "
-            "a pad is a sphere geom whose name begins with 'pad'"
+            "a pad is a sphere or capsule geom whose name begins with 'pad'"
         )
     time = np.asarray(interaction.time)
     if len(time) < 2:

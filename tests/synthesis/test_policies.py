@@ -5,6 +5,7 @@ import dataclasses
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from derivatives import check_derivatives
 from test_objects import FINGER, GRAVITY, HALF, PAD, PINCH, UP
 
 from icjax.geometry import Box, Plane
@@ -15,19 +16,26 @@ NEEDED = MASS * GRAVITY / (2 * FRICTION)
 """N, of each finger; without a policy they press with DEPTH / (C + C_pad) = 0.76 N, too little by a sixth."""
 
 
-def held(policy, steps=400):
-    """The box's weight comes upon the fingers within 0.5 s. Forces of both fingers on the box, and what was found."""
+def held(policy, steps=400, more=np.zeros(3)):
+    """The box's weight comes upon the fingers within 0.5 s. Forces of both fingers on the box, and what was found.
+
+    `more` compliance (share) and mass (0.1 kg) are its second and third number.
+    """
     model = dataclasses.replace(PINCH, pad_compliance=np.full(2, PAD))
-    box = Object("box", Box(HALF), FRICTION, mass=MASS)
+    box = Object("box", Box(HALF), FRICTION, mass=MASS + 0.1 * more[2])
     far = Surface("table", Plane(np.array([0.0, 0.0, -10.0]), UP), 0.5)
     reach = HALF[0] + 0.0075 - DEPTH
     reference = jnp.tile(jnp.array([-reach, 0.0, 0.0, reach, 0.0, 0.0]), (steps, 1))
     wrench = np.zeros((steps, 1, 6))
     wrench[:, 0, 5] = MASS * GRAVITY * np.clip(1 - STEP * np.arange(steps) / 0.5, 0, 1)
     scene = Scene("pinch", (far,), facets=2, step=STEP, objects=(box,), contacts=2)
-    _, info = rollout(model, scene, Target(reference, jnp.full((steps, 6), FINGER), wrench), policy=policy)
-    assert np.all(np.asarray(info.status) == 0)
-    return np.asarray(info.contact_force)[:, [1, 3]], info
+    _, info = rollout(
+        model, scene, Target(reference, jnp.full((steps, 6), FINGER * (1.0 + more[1])), wrench), policy=policy
+    )
+    if isinstance(more, np.ndarray):
+        assert np.all(np.asarray(info.status) == 0)
+        return np.asarray(info.contact_force)[:, [1, 3]], info
+    return info.contact_force[:, jnp.array([1, 3])], info
 
 
 def share(info):
@@ -83,6 +91,18 @@ def test_a_policy_of_ones_own_and_what_falls_without_one():
     np.testing.assert_allclose(share(info)[[0, 9, 10, -1]], [1, 1, 3, 3])
     np.testing.assert_allclose(np.abs(force[5, :, 0]), DEPTH / (FINGER + PAD), rtol=1e-9)
     assert info.object_velocity[-1, 0, 2] < -0.3
+
+
+@pytest.mark.slow
+def test_derivatives_go_through_a_policy_and_its_numbers():
+    """Of forces and place of the box by the rate of tightening, the compliance and the mass; the steps in which the
+    hand tightens stay the same."""
+
+    def result(x):
+        _, info = held(GripTightening(delay=0.02, rate=20.0 + x[0]), steps=240, more=x)
+        return jnp.concatenate([info.contact_force[-1].reshape(-1), info.object_position[-1, 0]])
+
+    check_derivatives(result, jnp.zeros(3), tolerance=1e-5)
 
 
 def test_bad_policies_are_named():

@@ -85,6 +85,17 @@ def test_transfer_to_a_plate_and_back_from_its_file(tmp_path):
     assert again.object_position is None
 
 
+def test_coupled_joints_yield_together(tmp_path):
+    """theta = theta_r + C tau with a C that moves the tip sideways when it is pressed."""
+    full = np.tile(ENDPOINT * np.array([[1.0, 0.0, 0.4], [0.0, 1.0, -0.2], [0.4, -0.2, 1.0]]), (21, 1, 1))
+    path = tmp_path / "coupled.nc"
+    dataclasses.replace(tapping(), full_compliance=full).save(path)
+    rollout = transfer(Interaction.load(path), floor(0.0))
+    yielded = np.asarray(rollout.q - rollout.reference)
+    assert np.abs(yielded[:, 0]).max() > 1e-4
+    np.testing.assert_allclose(yielded, np.asarray(rollout.torque) @ full[0], rtol=0, atol=1e-12)
+
+
 def test_transfer_to_an_object_and_back_from_its_file(tmp_path):
     """A box on a table gives the finger what the plate gave; the table carries the finger's force and the weight."""
     interaction = tapping()
