@@ -34,8 +34,11 @@ HORIZONS = (1, 10, 100)
 PARAMETERS = ("compliance", "one compliance", "reference", "friction", "mass", "size")
 OUTPUTS = ("forces N", "object m", "angles rad")
 EPSILON = 3e-5
-"""Relative step of the differences; the reference is shifted by as many rad. A box on four corners shares its weight among
-them in more ways than one, and with the way that is met forces scatter by 1e-10 N: with 1e-6 that is 4e-5 of a derivative."""
+"""Relative step of the differences; the reference is shifted by as many rad.
+
+A box on four corners shares its weight among them in more ways than one, and with the way that is met forces scatter by
+1e-10 N: with steps of 1e-6 that is 4e-5 of a derivative.
+"""
 
 
 def setting():
