@@ -4,6 +4,7 @@ from icjax.geometry._box import Box as Box
 from icjax.geometry._contact import contact_manifold as contact_manifold
 from icjax.geometry._contact import manifold_size as manifold_size
 from icjax.geometry._ellipsoid import Ellipsoid as Ellipsoid
+from icjax.geometry._heightfield import Heightfield as Heightfield
 from icjax.geometry._manifold import Manifold as Manifold
 from icjax.geometry._mesh import Mesh as Mesh
 from icjax.geometry._plane import Plane as Plane
