@@ -1,8 +1,13 @@
-"""How JAX shall run a function: as one machine function, as an operation with its own derivative and batches."""
+"""How JAX shall run a function: as one machine function, as an operation with its own derivative and batches.
 
+Also where what took long to compute is kept.
+"""
+
+import os
 from collections.abc import Callable
 from functools import cached_property, partial
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import jax
@@ -70,6 +75,12 @@ def as_primitive(function: Callable[..., Any], derivative: Callable[..., Any] | 
         return jax.tree.unflatten(jax.tree.structure(shape), found)
 
     return called
+
+
+def cache_folder() -> Path:
+    """`$ICJAX_CACHE`, or `icjax` in the cache folder of the user."""
+    stated = os.environ.get("ICJAX_CACHE")
+    return Path(stated) if stated else Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "icjax"
 
 
 class _Operation:

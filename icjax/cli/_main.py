@@ -4,7 +4,6 @@ import gc
 import os
 import sys
 import warnings
-from pathlib import Path
 
 import tyro
 
@@ -94,8 +93,10 @@ def configure_jax() -> None:
     import jax
 
     jax.config.update("jax_enable_x64", True)
-    cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "icjax"
-    jax.config.update("jax_compilation_cache_dir", os.environ.get("JAX_COMPILATION_CACHE_DIR", str(cache)))
+    from icjax.compiling import cache_folder
+
+    cache = os.environ.get("JAX_COMPILATION_CACHE_DIR", str(cache_folder()))
+    jax.config.update("jax_compilation_cache_dir", cache)
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 

@@ -13,7 +13,7 @@ APART = 1e3
 
 
 class Manifold(eqx.Module):
-    """Points at which two convex solids touch, or would touch first.
+    """Points at which two solids touch, or would touch first.
 
     **Fields**
 
