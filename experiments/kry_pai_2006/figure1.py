@@ -4,7 +4,7 @@
 
 - (a) The grasp of a box of 30 x 70 x 50 mm and 12 g, captured from `virtual_sessions/grasp5` with markers and with
   film sensors on the fingertips, which measure the normal force only. Nobody tracked the box: the picture takes its
-  place from the truth of the simulated session, which nothing else of (a) to (c) uses.
+  place from the truth of the simulated session, which nothing else of (a) to (c) uses but its rise in the json.
 - (b) The measured normal forces. Compliance and reference are estimated from this recording alone.
 - (c) The interaction meets a similar box: as wide, so that the measured grip force is what to expect, but 60 mm deep,
   60 mm high and 20 g.
@@ -43,15 +43,14 @@ from icjax.geometry import Box, Shape
 from icjax.model import Model
 from icjax.recording import Recording, Session
 from icjax.rollout import Rollout
-from icjax.spatial import Pose
 from icjax.synthesis import transfer
 from icjax.view import save, solid
 
-VIEW = View(np.radians(-68.0), np.radians(20.0))
+VIEW = View(np.radians(-84.0), np.radians(28.0))
 SHOWN = 2.8
 """s after the start; everything hangs in the air."""
 
-LONGEST = 42.0
+LONGEST = 60.0
 """mm, the longest arrow of a picture."""
 
 BALL = "sphere12g"
@@ -178,7 +177,8 @@ def main(config: Config) -> dict[str, Any]:
 def drawn(recording: Recording, seen: Course, box: Course, ball: Course, truth: np.ndarray) -> Any:
     """A column each: above hand and thing while it hangs in the air, below the normal forces."""
     pyplot = plotting()
-    figure, axes = pyplot.subplots(2, 3, figsize=(11.0, 7.0), height_ratios=[1.5, 1.0], layout="constrained")
+    figure, axes = pyplot.subplots(2, 3, figsize=(8.6, 5.9), height_ratios=[1.5, 1.0], layout="constrained")
+    figure.get_layout_engine().set(h_pad=0.07)
     titles = (
         "a  grasp on a small box, captured",
         "c  transferred to a similar box",
@@ -186,27 +186,27 @@ def drawn(recording: Recording, seen: Course, box: Course, ball: Course, truth: 
     )
     for axis, title, course in zip(axes[0], titles, (seen, box, ball), strict=True):
         picture(axis, course, recording if course is seen else None)
-        axis.set_title(title, loc="left", fontsize=10, fontweight="bold", color=INK)
-    columns = (("b  contact forces, measured", seen, None), ("    synthesised; pale: measured (b)", box, seen.normal),
-               ("    synthesised; pale: independent hand on the ball", ball, truth))  # fmt: skip
+        axis.set_title(title, loc="left", fontsize=9.5, fontweight="bold", color=INK)
+    columns = (("b  contact forces, measured", seen, None), ("synthesised; pale: measured (b)", box, seen.normal),
+               ("synthesised; pale: independent hand", ball, truth))  # fmt: skip
     for axis, (title, course, pale) in zip(axes[1], columns, strict=True):
         for number, finger in enumerate(course.model.pad_names):
             if pale is not None:
-                axis.plot(course.time, pale[:, number], color=COLOURS[finger], linewidth=3.0, alpha=0.3)
-            axis.plot(course.time, course.normal[:, number], color=COLOURS[finger], linewidth=1.1, label=finger)
-        axis.axvline(SHOWN, color=GREY, linewidth=0.8, linestyle="--", zorder=0)
-        axis.set_title(title, loc="left", fontsize=9.5, fontweight="bold" if pale is None else "normal", color=INK)
+                axis.plot(course.time[::4], pale[::4, number], color=COLOURS[finger], linewidth=3.0, alpha=0.3)
+            axis.plot(course.time[::4], course.normal[::4, number], color=COLOURS[finger], linewidth=1.1, label=finger)
+        axis.axvline(SHOWN, ymax=0.8, color=GREY, linewidth=0.8, linestyle="--", zorder=0)
+        axis.set_title(title, loc="left", fontsize=9, fontweight="bold" if pale is None else "normal", color=INK)
         axis.set_xlim(0.7, course.time[-1])
-        top = 1.02 * max(seen.normal.max(), box.normal.max()) if course is not ball else 1.02 * ball.normal.max()
-        axis.set_ylim(0.0, top)
-        axis.set_xlabel("time, s")
+        axis.set_ylim(0.0, 1.3 * ball.normal.max() if course is ball else 1.3 * box.normal.max())
+        axis.set_xlabel("time, s", fontsize=9)
+        axis.tick_params(labelsize=8)
         axis.spines[["top", "right"]].set_visible(False)
-    axes[1, 0].set_ylabel("normal force, N")
-    axes[1, 0].legend(frameon=False, fontsize=8.5, ncols=3, loc="upper right", columnspacing=1.0, handlelength=1.2)
+    axes[1, 0].set_ylabel("normal force, N", fontsize=9)
+    axes[1, 0].legend(frameon=False, fontsize=8.5, ncols=3, loc="upper left", columnspacing=1.0, handlelength=1.2)
     figure.supxlabel(
-        f"S{SIMULATED[1:]}. Arrows: contact forces on the thing at 2.8 s (dashed below), in (a) their normal part, which "
-        "the sensors measure.\nSmall circles: markers. Dark rims: fingertips with sensors. Note the other scale of "
-        "forces on the ball.",
+        f"S{SIMULATED[1:]}. Arrows: contact forces on the thing\nat {SHOWN} s (dashed below); in (a) what the sensors "
+        "measure, the normal part. Small circles: markers. Dark rims: fingertips with sensors.\nThe axis of forces on "
+        "the ball differs: it is wider than the box, and the same intention presses harder.",
         fontsize=8.0, color="#5B616B")  # fmt: skip
     return figure
 
@@ -214,7 +214,7 @@ def drawn(recording: Recording, seen: Course, box: Course, ball: Course, truth: 
 def picture(axis: Any, course: Course, recording: Recording | None) -> None:
     """Hand, thing and forces on it; of a recording the markers and the sensors too."""
     row = int(np.argmin(np.abs(course.time - SHOWN)))
-    draw_table(axis, VIEW, (-0.095, -0.075), (0.115, 0.075))
+    draw_table(axis, VIEW, (-0.104, -0.040), (0.104, 0.075))
     thing = solid(course.entry | {"position": [0.0] * 3, "rotation": np.eye(3).tolist()}, "object")
     draw_solid(axis, VIEW, thing, course.rotation[row], course.position[row], "#DCE9F4")
     pressing = course.normal[row] > 0.05
@@ -229,10 +229,10 @@ def picture(axis: Any, course: Course, recording: Recording | None) -> None:
         end, force = VIEW.seen(course.point[row, number][None])[0][0], 1e-3 * course.force[row, number]
         draw_arrow(axis, end - scale * VIEW.seen(force[None])[0][0], end)
     unit = 0.5 if size.max() < 2.0 else 2.0
-    low = np.array([50.0, 172.0])
+    low = np.array([-108.0, -34.0])
     draw_arrow(axis, low, low + [scale * unit, 0.0])
     axis.text(*(low + [0.0, 5.0]), f"{unit:g} N", fontsize=8.5, color=INK)
-    framed(axis, (-112, -32), (125, 190))
+    framed(axis, (-112, -45), (112, 198))
 
 
 if __name__ == "__main__":

@@ -60,11 +60,18 @@ def bones(model: Model, q: np.ndarray) -> tuple[list[tuple[str, np.ndarray]], np
 
 
 def draw_hand(
-    axis: Any, view: View, model: Model, q: np.ndarray, pressing: np.ndarray, middle: np.ndarray, rim: str | None = None
+    axis: Any,
+    view: View,
+    model: Model,
+    q: np.ndarray,
+    pressing: np.ndarray,
+    middle: np.ndarray,
+    rim: str | None = None,
+    size: float = 8.5,
 ) -> None:
     """Fingers, and pads that are filled where they press; what lies behind `middle` (m) is drawn first.
 
-    `rim` is a colour for the edge of the pads, in place of the finger's own.
+    `rim` is a colour for the edge of the pads, in place of the finger's own; `size` their diameter, points.
     """
     ends, pads = bones(model, q)
     between = view.seen(middle[None])[1][0]
@@ -79,7 +86,7 @@ def draw_hand(
             place, near = view.seen(pads[number][None])
             if (near[0] < between) == behind:
                 face = COLOURS[name] if pressing[number] else "white"
-                axis.plot(*place[0], "o", color=rim or COLOURS[name], markerfacecolor=face, markersize=8.5,
+                axis.plot(*place[0], "o", color=rim or COLOURS[name], markerfacecolor=face, markersize=size,
                           zorder=order + 1)  # fmt: skip
 
 
@@ -111,13 +118,18 @@ def draw_table(axis: Any, view: View, low: tuple[float, float], high: tuple[floa
 
 
 def draw_arrow(axis: Any, start: np.ndarray, end: np.ndarray, colour: str = INK, width: float = 1.8) -> None:
-    """From one place of the picture to another, with a white border; nothing where it has no length."""
-    if np.linalg.norm(end - start) < 1.0:
+    """From one place of the picture to another, with a white border; nothing where it is shorter than 1 mm."""
+    from matplotlib.patches import FancyArrowPatch
+    from matplotlib.patheffects import withStroke
+
+    length = float(np.linalg.norm(end - start))
+    if length < 1.0:
         return
-    for stroke, paint in ((width + 1.8, "white"), (width, colour)):
-        axis.annotate("", end, start, zorder=9, arrowprops={
-            "arrowstyle": "-|>,head_width=0.22,head_length=0.42", "color": paint, "linewidth": stroke,
-            "shrinkA": 0, "shrinkB": 0, "mutation_scale": 11.0, "joinstyle": "miter"})  # fmt: skip
+    head, size = "-|>,head_width=0.22,head_length=0.38", min(9.0, 3.0 + 0.4 * length)
+    arrow = FancyArrowPatch(start, end, arrowstyle=head, mutation_scale=size, color=colour, linewidth=width,
+                            shrinkA=0, shrinkB=0, joinstyle="miter", capstyle="butt", zorder=9)  # fmt: skip
+    arrow.set_path_effects([withStroke(linewidth=width + 1.6, foreground="white")])
+    axis.add_patch(arrow)
 
 
 def framed(axis: Any, low: tuple[float, float], high: tuple[float, float]) -> None:
