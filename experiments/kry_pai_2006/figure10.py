@@ -24,7 +24,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import tyro
-from figure10_drawing import drawn
+from figure10_drawing import block_norms, drawn
 from virtual_sessions import RESULTS, write
 
 from icjax.estimation import endpoint_compliance
@@ -76,11 +76,6 @@ def coupled(model: Model, q: np.ndarray, compliance: np.ndarray) -> np.ndarray:
     count = len(model.pad_names)
     points = pad_positions(model, jnp.asarray(q))
     return np.asarray(endpoint_compliance(model, q, model.pad_bodies, points, compliance)).reshape(count, 3, count, 3)
-
-
-def block_norms(G: np.ndarray) -> np.ndarray:
-    """Largest singular value of every block `[tip, tip]`: how far tip i can move for a unit force on tip j, m/N."""
-    return np.linalg.norm(G.transpose(0, 2, 1, 3), ord=2, axis=(2, 3))
 
 
 @eqx.filter_jit

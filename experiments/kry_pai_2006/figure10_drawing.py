@@ -109,12 +109,14 @@ def moved_by(axis: Any, model: Model, q: np.ndarray, G: np.ndarray, force: np.nd
     axis.legend(handles=handles, frameon=False, fontsize=8.5, loc="lower right")
 
 
+def block_norms(G: np.ndarray) -> np.ndarray:
+    """Largest singular value of every block `[tip, tip]`: how far tip i can move for a unit force on tip j, m/N."""
+    return np.linalg.norm(G.transpose(0, 2, 1, 3), ord=2, axis=(2, 3))
+
+
 def norms(axes: Any, model: Model, matrices: dict[str, np.ndarray]) -> None:
     """|G_ij| of every matrix, mm/N, one scale of colours."""
-    found = {
-        kind: 1e3 * np.linalg.norm(matrix.transpose(0, 2, 1, 3), ord=2, axis=(2, 3))
-        for kind, matrix in matrices.items()
-    }
+    found = {kind: 1e3 * block_norms(matrix) for kind, matrix in matrices.items()}
     most = max(values.max() for values in found.values())
     names = model.pad_names
     for letter, axis, (kind, values) in zip("cde", axes, found.items(), strict=True):
