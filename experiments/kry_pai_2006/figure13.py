@@ -23,6 +23,7 @@ import jax
 import numpy as np
 import tyro
 from grasp5 import LIFTED, scene_of, solids, with_forearm
+from hand_drawing import plotting
 from scipy.spatial import ConvexHull
 from virtual_sessions import RESULTS, SIMULATED, trials_of, write
 
@@ -190,16 +191,6 @@ def side_view(axis: Any, rollout: Rollout, shape: Shape, row: int) -> None:
     axis.set_ylim(-12, 215)
     axis.set_aspect("equal")
     axis.axis("off")
-
-
-def plotting() -> Any:
-    """Matplotlib without a screen."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    return pyplot
 
 
 if __name__ == "__main__":

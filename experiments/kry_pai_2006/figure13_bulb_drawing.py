@@ -3,17 +3,17 @@
 from typing import Any, NamedTuple
 
 import numpy as np
+from hand_drawing import COLOURS, GREY, INK, View, draw_hand, framed, plotting
 from scipy.spatial import ConvexHull
 
 from icjax.laboratory import Gait
-from icjax.model import Model, forward_kinematics, pad_positions
+from icjax.model import Model
 from icjax.recording import Recording
 from icjax.rollout import Rollout
 
-COLOURS = {"thumb": "#D55E00", "index": "#0072B2", "middle": "#009E73", "ring": "#CC79A7", "little": "#B8860B"}
-GLASS, METAL, INK, GREY = "#E3ECF3", "#B9BFC7", "#1F2430", "#8A8F98"
-AZIMUTH, ELEVATION = np.radians(-52.0), np.radians(16.0)
-"""Of the viewer: beside the fingers, the thumb behind the thing."""
+GLASS, METAL = "#E3ECF3", "#B9BFC7"
+VIEW = View(np.radians(-52.0), np.radians(16.0))
+"""From beside the fingers, the thumb behind the thing."""
 
 Cylinders = tuple[tuple[float, float, float], ...]
 
@@ -38,11 +38,7 @@ def drawn(
     gait: Gait,
 ) -> Any:
     """Two rows of poses, ball and bulb at the same moments; below, turn and forces."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
+    pyplot = plotting()
     radius, *cylinders = shape
     moments = poses(gait)
     figure = pyplot.figure(figsize=(11.0, 7.8), layout="constrained")
@@ -84,40 +80,19 @@ def poses(gait: Gait) -> dict[str, float]:
     }
 
 
-def seen(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Place in the picture `[n, 2]` and nearness to the viewer `[n]`, both in mm."""
-    towards = np.array([np.cos(ELEVATION) * np.cos(AZIMUTH), np.cos(ELEVATION) * np.sin(AZIMUTH), np.sin(ELEVATION)])
-    right = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0.0])
-    points = 1e3 * np.asarray(points)
-    return np.stack([points @ right, points @ np.cross(towards, right)], axis=-1), points @ towards
-
-
 def pose(axis: Any, model: Model, q: np.ndarray, course: Course, row: int, radius: float, cylinders: Cylinders) -> None:
     """Hand and thing at one moment."""
     R, p = course.rotation[row], course.position[row]
-    ends, pads = bones(model, q)
-    pressing = course.force[row] > 0.05
-    middle = seen(p[None])[1][0]
-    for behind in (True, False):
-        order = 1 if behind else 5
-        for finger, line in ends:
-            place, near = seen(line)
-            if (near.mean() < middle) == behind:
-                axis.plot(*place.T, color=COLOURS.get(finger, "#C9A58B"), linewidth=4, alpha=0.55, zorder=order,
-                          solid_capstyle="round")  # fmt: skip
-        for number, name in enumerate(model.pad_names):
-            place, near = seen(pads[number][None])
-            if (near[0] < middle) == behind:
-                face = COLOURS[name] if pressing[number] else "white"
-                axis.plot(*place[0], "o", color=COLOURS[name], markerfacecolor=face, markersize=8.5, zorder=order + 1)
+    draw_hand(axis, VIEW, model, q, course.force[row] > 0.05, p)
+    middle = VIEW.seen(p[None])[1][0]
     for size, half, height in sorted(cylinders, key=lambda item: item[2]):
         turn = np.linspace(0.0, 2.0 * np.pi, 40)
         ring = np.column_stack([size * np.cos(turn), size * np.sin(turn), np.zeros(40)])
         ends3 = np.concatenate([ring + [0, 0, height - half], ring + [0, 0, height + half]])
-        place, _ = seen(ends3 @ R.T + p)
+        place, _ = VIEW.seen(ends3 @ R.T + p)
         outline = place[ConvexHull(place).vertices]
         axis.fill(*outline.T, facecolor=METAL, edgecolor=GREY, linewidth=0.8, zorder=3)
-    place, _ = seen(p[None])
+    place, _ = VIEW.seen(p[None])
     turn = np.linspace(0.0, 2.0 * np.pi, 80)
     axis.fill(*(place + 1e3 * radius * np.column_stack([np.cos(turn), np.sin(turn)])).T, facecolor=GLASS,
               edgecolor=GREY, linewidth=0.8, zorder=3.5)  # fmt: skip
@@ -125,27 +100,11 @@ def pose(axis: Any, model: Model, q: np.ndarray, course: Course, row: int, radiu
         around = 0.5 * np.pi * number - 0.9
         slope = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 60)
         meridian = np.column_stack([np.cos(slope) * np.cos(around), np.cos(slope) * np.sin(around), np.sin(slope)])
-        place, near = seen(radius * meridian @ R.T + p)
+        place, near = VIEW.seen(radius * meridian @ R.T + p)
         place = np.where((near > middle)[:, None], place, np.nan)
         axis.plot(*place.T, color=INK if number % 2 == 0 else GREY, linewidth=(2.2, 0.7, 1.4, 0.7)[number],
                   linestyle="--" if number == 2 else "-", zorder=4)  # fmt: skip
-    axis.set_xlim(-95, 75)
-    axis.set_ylim(-38, 182)
-    axis.set_aspect("equal")
-    axis.axis("off")
-
-
-def bones(model: Model, q: np.ndarray) -> tuple[list[tuple[str, np.ndarray]], np.ndarray]:
-    """Lines of the fingers with the names of these, and the places of the pads, m."""
-    origins = np.asarray(forward_kinematics(model, q).position)
-    pads = np.asarray(pad_positions(model, q))
-    found = []
-    for body, parent in enumerate(model.body_parents):
-        if parent > 0 and "_" in model.body_names[body]:
-            found.append((model.body_names[body].split("_")[0], origins[[parent, body]]))
-    for pad, body in zip(pads, model.pad_bodies, strict=True):
-        found.append((model.body_names[body].split("_")[0], np.stack([origins[body], pad])))
-    return found, pads
+    framed(axis, (-95, -38), (75, 182))
 
 
 def curves(figure: Any, ball: Course, bulb: Course, fingers: list[str], gait: Gait) -> None:
