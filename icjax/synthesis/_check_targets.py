@@ -5,8 +5,10 @@ import numpy as np
 
 from icjax.model import Model
 from icjax.synthesis._bodies import Target
+from icjax.synthesis._contacts import slots
 from icjax.synthesis._scene import Scene
 from icjax.synthesis._surface import known
+from icjax.typing import Float, Real
 
 UNIT = 0.01
 """How far from one the length of a quaternion may be."""
@@ -31,6 +33,24 @@ def check_targets(model: Model, scene: Scene, targets: Target, begins: bool = Tr
     _check_limits(model)
     if targets.path is not None:
         _check_path(scene, known(targets.path), begins)
+
+
+def check_start(model: Model, scene: Scene, gap: Float[Real, " slot"]) -> None:
+    """**Errors**: `ValueError` for an object that has the centre of a pad inside: no way out is the right one.
+
+    **Arguments**: `gap` of all slots at the start; traced numbers are not looked at.
+    """
+    table, depth = slots(model, scene), known(gap)
+    if depth is None or not model.pad_names:
+        return
+    radius = np.append(np.asarray(model.pad_radius, float), np.inf)[table.pad]
+    inside = np.where((table.pad >= 0) & (table.second >= 0), depth + radius, np.inf)
+    if inside.min() < 0:
+        pad, thing = table.names[int(np.argmin(inside))].split("/")
+        raise ValueError(
+            f"object {thing!r} begins with the centre of pad {pad!r} {-1e3 * inside.min():.1f} mm inside it: "
+            "move the object, or begin with the hand open"
+        )
 
 
 def _check_shapes(model: Model, scene: Scene, targets: Target) -> None:

@@ -8,7 +8,21 @@ import jax.numpy as jnp
 import numpy as np
 
 from icjax.files import Table, as_numbers, as_rotation
-from icjax.geometry import Box, Capsule, Cylinder, Ellipsoid, Placed, Plane, Prism, Shape, Sphere, Union, wedge
+from icjax.geometry import (
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    Heightfield,
+    Placed,
+    Plane,
+    Prism,
+    Shape,
+    Sphere,
+    Union,
+    read_mesh,
+    wedge,
+)
 from icjax.spatial import Pose, quaternion_to_rotation
 
 UNIT = 0.01
@@ -17,13 +31,13 @@ UNIT = 0.01
 
 def read_surface_shape(table: Table) -> tuple[str, Shape]:
     """Kind and shape of a surface, in the world. **Errors**: `FileError` naming the key."""
-    kind = table.choice("shape", ("plane", *_SOLIDS))
+    kind = table.choice("shape", ("plane", *_SOLIDS, "heightfield"))
     if kind == "plane":
         normal = np.array(table.vector("normal"))
         if not np.linalg.norm(normal) > 0:
             raise table.error("key 'normal' must not be zero")
         return kind, Plane(np.array(table.vector("point")), normal)
-    solid = _SOLIDS[kind](table)
+    solid = _heightfield(table) if kind == "heightfield" else _SOLIDS[kind](table)
     if isinstance(solid, Ellipsoid):  # which may stand anywhere by itself
         pose = read_pose(table, "position" if "position" in table.content else "centre")
         return kind, Ellipsoid(pose.position, pose.rotation, solid.radii)
@@ -104,6 +118,55 @@ def _union(table: Table) -> Shape:
     return Union(parts)
 
 
+def _mesh(table: Table) -> Shape:
+    file = table.path.parent / table.text("file")
+    scale, spacing = table.number("scale", 1.0, above=0.0), table.number("spacing", None, above=0.0)
+    try:
+        return read_mesh(file, scale=scale, spacing=spacing, repair=table.flag("repair", False))
+    except ValueError as error:
+        raise table.error(f"key 'file': {error}") from error
+
+
+def _heightfield(table: Table) -> Shape:
+    if ("heights" in table.content) == ("file" in table.content):
+        raise table.error("needs the key 'heights' (rows of numbers, m) or 'file' (.csv or .npy), one of them")
+    rows = table.take("heights", _as_rows, "rows of as many numbers each, m", None)
+    scale = table.number("scale", 1.0, above=0.0)
+    heights = scale * (np.array(rows) if rows is not None else _heights_in(table, table.text("file")))
+    both = table.take("spacing", _as_spacing, "a number above 0, m, or two")
+    reach = table.number("reach", None, above=0.0)
+    try:
+        return Heightfield(heights, np.array(both), reach)
+    except ValueError as error:
+        raise table.error(str(error)) from error
+
+
+def _heights_in(table: Table, name: str) -> np.ndarray:
+    path = table.path.parent / name
+    try:
+        loaded = np.load(path) if path.suffix == ".npy" else np.loadtxt(path, delimiter=",", ndmin=2)
+        heights = np.asarray(loaded, float)
+    except (OSError, ValueError, EOFError) as error:
+        wrong = "does not exist" if not path.is_file() else f"holds no table of numbers: {str(error).splitlines()[0]}"
+        raise table.error(f"key 'file': {path} {wrong}") from error
+    if heights.ndim != 2:
+        raise table.error(f"key 'file': {path} holds an array of {heights.ndim} dimensions, not 2")
+    return heights
+
+
+def _as_rows(value: Any) -> list[tuple[float, ...]]:
+    if not isinstance(value, list) or not value or not isinstance(value[0], list):
+        raise ValueError
+    return [as_numbers(row, len(value[0])) for row in value]
+
+
+def _as_spacing(value: Any) -> tuple[float, ...]:
+    both = as_numbers(value if isinstance(value, list) else [value, value], 2)
+    if min(both) <= 0:
+        raise ValueError
+    return both
+
+
 def _as_points(value: Any) -> list[tuple[float, ...]]:
     if not isinstance(value, list) or not value:
         raise ValueError
@@ -126,4 +189,5 @@ _SOLIDS: dict[str, Callable[[Table], Shape]] = {
     "wedge": _wedge,
     "prism": _prism,
     "union": _union,
+    "mesh": _mesh,
 }

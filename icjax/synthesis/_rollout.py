@@ -11,7 +11,7 @@ import numpy as np
 from icjax.model import Model
 from icjax.running import run
 from icjax.synthesis._bodies import Target
-from icjax.synthesis._check_targets import check_targets
+from icjax.synthesis._check_targets import check_start, check_targets
 from icjax.synthesis._contacts import slots
 from icjax.synthesis._object import Object
 from icjax.synthesis._policies import Policy
@@ -60,19 +60,21 @@ def rollout(
 
     **Returns**: the last state and the stacked [`StepInfo`].
 
-    **Errors**: `ValueError` for a model without pads in a scene without objects, targets of another model or scene, or
-    a scene with contacts that would be missed (see [`Scene`]).
+    **Errors**: `ValueError` for a model without pads in a scene without objects, targets of another model or scene, an
+    object that begins with the centre of a pad inside it, or a scene whose contacts would be missed (see [`Scene`]).
     """
     if not (model.pad_names or scene.objects):
         raise ValueError(f"model {model.name!r} has no contact pads, and the scene no objects")
     check_targets(model, scene, targets, begins=state is None)
     slots(model, scene)  # errors with the names that people gave
+    named = scene
     scene = dataclasses.replace(scene, limits=min(scene.limits, _limited(model)))
     if policy is None:
         scene = _unnamed(scene)
     model, targets = jax.tree.map(jnp.asarray, (model, targets))
     if state is None:
         state = _init(model, scene, targets.reference[0])
+        check_start(model, named, state.contacts.gap)
     memory = () if policy is None else policy.init(model, scene)
     result = run(_Step(model, scene, policy), (state, memory), targets, **running)
     return result.carry[0], result.outputs

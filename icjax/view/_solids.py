@@ -13,10 +13,10 @@ ABOVE = 1.003
 
 
 class Solid(NamedTuple):
-    """A convex solid: vertices `[n, 3]` (m), faces `[m, 3]` of vertices, counter-clockwise from outside.
+    """A solid or ground: vertices `[n, 3]` (m), faces `[m, 3]` of vertices, counter-clockwise from outside.
 
     `lines` `[k, 2, 3]` are its edges; on round solids, circles that show how it turns. `flat`: the faces are not parts
-    of a curved surface.
+    of a curved surface. `convex`; `ground`: it has an upper side only.
     """
 
     name: str
@@ -25,6 +25,8 @@ class Solid(NamedTuple):
     lines: np.ndarray
     flat: bool
     friction: float | None = None
+    convex: bool = True
+    ground: bool = False
 
 
 def parts_of(entry: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -47,8 +49,9 @@ def solid(entry: Mapping[str, Any], name: str, friction: float | None = None) ->
     lines = middle + ABOVE * (np.concatenate([edges, *rings]) - middle)
     place = np.asarray(entry.get("centre", entry.get("position", np.zeros(3))), float)
     turn = np.asarray(entry.get("rotation", np.eye(3)), float).reshape(3, 3)
-    flat = kind in ("box", "prism", "cylinder")
-    return Solid(name, vertices @ turn.T + place, faces, lines @ turn.T + place, flat, friction)
+    flat, ground = kind in ("box", "prism", "cylinder"), kind == "heightfield"
+    convex = kind not in ("mesh", "heightfield")
+    return Solid(name, vertices @ turn.T + place, faces, lines @ turn.T + place, flat, friction, convex, ground)
 
 
 def _mesh(entry: Mapping[str, Any]) -> tuple[Any, tuple[int, ...]]:
@@ -72,7 +75,22 @@ def _mesh(entry: Mapping[str, Any]) -> tuple[Any, tuple[int, ...]]:
         outline, half = np.asarray(entry["outline"], float), float(entry["half_length"])
         ends = [np.column_stack([outline, np.full(len(outline), z)]) for z in (-half, half)]
         return Trimesh(np.concatenate(ends)).convex_hull, ()
+    if kind == "mesh":
+        return Trimesh(np.asarray(entry["vertices"], float), np.asarray(entry["faces"], int), process=False), ()
+    if kind == "heightfield":
+        return Trimesh(*_ground(np.asarray(entry["heights"], float), entry["spacing"]), process=False), ()
     return None, ()
+
+
+def _ground(heights: np.ndarray, spacing: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and faces of a heightfield."""
+    x, y = (step * (np.arange(n) - (n - 1) / 2) for step, n in zip(spacing, heights.shape, strict=True))
+    vertices = np.stack([*np.meshgrid(x, y, indexing="ij"), heights], axis=-1).reshape(-1, 3)
+    rows, columns = heights.shape
+    i, j = (part.reshape(-1) for part in np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij"))
+    a = columns * i + j
+    c = a + columns + 1
+    return vertices, np.concatenate([np.stack([a, c - 1, c], axis=1), np.stack([a, c, a + 1], axis=1)])
 
 
 def _section_points(vertices: np.ndarray, faces: np.ndarray, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
@@ -101,8 +119,49 @@ def section(body: Solid, point: np.ndarray, along: np.ndarray, up: np.ndarray) -
     return crossings[order] if len(order) else None
 
 
+def outlines(body: Solid, point: np.ndarray, along: np.ndarray, up: np.ndarray) -> list[np.ndarray]:
+    """Like `section`, of any solid: all rings in which the plane cuts it."""
+    if body.convex:
+        found = section(body, point, along, up)
+        return [] if found is None else [found]
+    pieces = _section_lines(body.vertices, body.faces, point, np.cross(along, up))
+    size = 1e-9 * float(np.ptp(body.vertices, axis=0).max())
+    _, number = np.unique(np.round(pieces.reshape(-1, 3) / size), axis=0, return_inverse=True)
+    at: dict[int, list[int]] = {}
+    for end, place in enumerate(number.reshape(-1).tolist()):
+        at.setdefault(place, []).append(end)
+    ends, places, left, rings = pieces.reshape(-1, 3), number.reshape(-1), set(range(len(pieces))), []
+    while left:
+        end, ring = 2 * left.pop(), []
+        while True:
+            ring.append(ends[end])
+            end = end ^ 1  # along the piece
+            following = [other for other in at[int(places[end])] if other // 2 in left]
+            if not following:
+                break
+            end = following[0]
+            left.remove(end // 2)
+        if len(ring) > 2:
+            rings.append(np.array(ring))
+    return rings
+
+
+def ground_height(
+    body: Solid, origin: np.ndarray, along: np.ndarray, up: np.ndarray, distance: np.ndarray
+) -> np.ndarray:
+    """Height of ground (m, along `up` from `origin`) at distances along a line; minus infinity where it has ended."""
+    pieces = _section_lines(body.vertices, body.faces, origin, np.cross(along, up)) - origin
+    height = np.full(distance.shape, -np.inf)
+    for start, end in np.stack([pieces @ along, pieces @ up], axis=2):
+        (a, low), (b, high) = sorted([tuple(start), tuple(end)])
+        under = (distance >= a) & (distance <= b)
+        part = (distance[under] - a) / (b - a) if b > a else np.ones(under.sum())
+        height[under] = np.maximum(height[under], low + part * (high - low))
+    return height
+
+
 def silhouette(points: np.ndarray) -> np.ndarray:
-    """Outline `[n, 2]` of a convex solid from its vertices in the plane of a picture, closed."""
+    """Outline `[n, 2]` of a solid, or of its hull, from its vertices in the plane of a picture, closed."""
     order = _hull(points)
     return points[np.append(order, order[:1])]
 

@@ -10,7 +10,7 @@ from icjax.interaction import Interaction
 from icjax.recording import Recording
 from icjax.rollout import Rollout
 from icjax.view._skeleton import up_direction
-from icjax.view._solids import Solid, parts_of, section, solid
+from icjax.view._solids import Solid, ground_height, outlines, parts_of, solid
 from icjax.view._style import RIM, SURFACE
 
 
@@ -142,13 +142,15 @@ def grid_faces(rows: int, columns: int) -> np.ndarray:
 def profile(
     shapes: tuple[Shape, ...], origin: np.ndarray, along: np.ndarray, up: np.ndarray, distance: np.ndarray
 ) -> np.ndarray:
-    """Height of the highest plane or ellipsoid (m, along `up` from `origin`) along a line; NaN where none.
+    """Height of the highest plane, ellipsoid or ground (m, along `up` from `origin`) along a line; NaN where none.
 
     The cut is in the plane through `origin` spanned by `along` and `up`.
     """
     height = np.full(distance.shape, -np.inf)
     for shape in shapes:
         if isinstance(shape, Solid):
+            if shape.ground:
+                height = np.maximum(height, ground_height(shape, origin, along, up, distance))
             continue
         base = origin + distance[:, None] * along
         if isinstance(shape, Patch):
@@ -191,5 +193,6 @@ def draw_ground(
 
 def sections(shapes: tuple[Shape, ...], origin: np.ndarray, along: np.ndarray, up: np.ndarray) -> list[np.ndarray]:
     """Outlines `[n, 2]` (m, along both directions from `origin`) of the solids that the plane of a side view cuts."""
-    cuts = (section(shape, origin, along, up) for shape in shapes if isinstance(shape, Solid))
-    return [np.stack([(cut - origin) @ along, (cut - origin) @ up], axis=1) for cut in cuts if cut is not None]
+    solids = [shape for shape in shapes if isinstance(shape, Solid) and not shape.ground]
+    cuts = [cut for shape in solids for cut in outlines(shape, origin, along, up)]
+    return [np.stack([(cut - origin) @ along, (cut - origin) @ up], axis=1) for cut in cuts]

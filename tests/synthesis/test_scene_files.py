@@ -5,11 +5,13 @@ import json
 import jax
 import numpy as np
 import pytest
+import trimesh
 
 from icjax.files import FileError
 from icjax.geometry import Box, Capsule, Cylinder, Ellipsoid, Placed, Plane, Prism, Sphere, Union, wedge
+from icjax.model import load_model
 from icjax.spatial import Pose
-from icjax.synthesis import Object, Scene, Surface, read_scene
+from icjax.synthesis import Object, Scene, Surface, read_scene, slot_names
 
 GOOD = """
 name = "bumpy"
@@ -52,7 +54,11 @@ BAD = {
     "toml": ("name =", "name", "is not valid TOML"),
     "top key": ('name = "bumpy"', "nmae = 1", "unknown key 'nmae'; did you mean 'name'"),
     "surface key": ("normal = [0, 0, 2]", "normal = [0, 0, 2]\nradius = 1", "1 'plate': has the unknown key 'radius'"),
-    "shape": ('"ellipsoid"', '"cube"', "2 'bump': key 'shape' must be one of 'plane', 'box', .*'union', not 'cube'"),
+    "shape": (
+        '"ellipsoid"',
+        '"cube"',
+        "2 'bump': key 'shape' must be one of 'plane', 'box', .*'heightfield', not 'cube'",
+    ),
     "missing": ("centre = [0.1, 0.2, 0.3]", "", "2 'bump': needs the key 'centre'"),
     "size": ("[0.1, 0.2, 0.3]", "[0.1, 0.2]", "2 'bump': key 'centre' must be three numbers"),
     "text": ("[0.1, 0.2, 0.3]", '"here"', "2 'bump': key 'centre' must be three numbers"),
@@ -252,6 +258,94 @@ friction = 1.1
 names = ["die", "table"]
 friction = 0.2
 """
+
+
+SOLID = """
+friction = 0.5
+[[surface]]
+shape = "heightfield"
+name = "rows"
+heights = [[0, 1, 2], [0, 1, 3]]
+scale = 0.001
+spacing = [0.01, 0.02]
+position = [0.1, 0, 0]
+[[surface]]
+shape = "heightfield"
+name = "table"
+file = "ground.csv"
+spacing = 0.01
+reach = 0.02
+position = [0, 0, 0]
+[[object]]
+shape = "mesh"
+file = "ball.stl"
+scale = 0.001
+spacing = 0.006
+repair = true
+density = 1000
+position = [0, 0, 0.1]
+"""
+
+
+@pytest.fixture(scope="module")
+def uneven(tmp_path_factory):
+    """A folder with a ball in mm, one triangle of which is missing, and heights."""
+    folder = tmp_path_factory.mktemp("uneven")
+    ball = trimesh.creation.icosphere(2, 30.0)
+    trimesh.Trimesh(ball.vertices, ball.faces[1:]).export(folder / "ball.stl")
+    np.savetxt(folder / "ground.csv", np.array([[0.0, 0.001], [0.002, 0.003], [0.0, 0.001]]), delimiter=",")
+    np.save(folder / "cube.npy", np.zeros((2, 2, 2)))
+    return folder
+
+
+def test_meshes_and_heightfields(uneven, monkeypatch):
+    monkeypatch.setenv("ICJAX_CACHE", str(uneven / "cache"))
+    path = uneven / "scene.toml"
+    path.write_text(SOLID)
+    scene = read_scene(path)
+    (rows, table), (ball,) = scene.surfaces, scene.objects
+    np.testing.assert_allclose(rows.shape.shape.heights, [[0, 0.001, 0.002], [0, 0.001, 0.003]])
+    np.testing.assert_array_equal(rows.shape.shape.spacing, [0.01, 0.02])
+    assert (table.shape.shape.heights.shape, table.shape.shape.cells) == ((3, 2), 2)
+    np.testing.assert_allclose(ball.mass, 1000 * trimesh.creation.icosphere(2, 0.03).volume, rtol=1e-2)
+    told = json.loads(scene.describe())
+    assert told["surfaces"][0]["heights"] == [[0, 0.001, 0.002], [0, 0.001, 0.003]]
+    assert told["surfaces"][0]["position"] == [0.1, 0, 0]
+    drawn = told["objects"][0]
+    assert (drawn["shape"], drawn["spacing"]) == ("mesh", 0.006)
+    solid = trimesh.Trimesh(drawn["vertices"], drawn["faces"], process=False)
+    np.testing.assert_allclose(solid.volume, drawn["volume"], rtol=1e-3)
+    assert slot_names(load_model('<mujoco model="nobody"/>'), scene) == tuple(
+        f"mesh.{number}/{name}" for name in ("rows", "table") for number in range(1, 8)
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("ball.stl", "bowl.stl", "1: key 'file': .*bowl.stl does not exist"),
+        ("repair = true", "", "ball.stl is open: 3 edges .*repair = true"),
+        ("scale = 0.001\nspacing = 0.006", "", "ball.stl is 60 m long; .* scale=0.001"),
+        ("spacing = 0.006", "spacing = 1", "spacing must be positive and at most a quarter of 0.06 m"),
+        ("ground.csv", "nothing.csv", "2 'table': key 'file': .*nothing.csv does not exist"),
+        ("ground.csv", "ball.stl", "2 'table': key 'file': .*ball.stl holds no table of numbers"),
+        ("ground.csv", "cube.npy", "2 'table': key 'file': .*cube.npy holds an array of 3 dimensions"),
+        ("[0, 1, 3]", "[0, 1]", "1 'rows': key 'heights' must be rows of as many numbers each"),
+        ("[0, 1, 3]]", '[0, 1, 3]]\nfile = "ground.csv"', "1 'rows': needs the key 'heights' .* one of them"),
+        ("reach = 0.02", "reach = 0.2", "2 'table': reach 0.2 m of a heightfield is more than 8"),
+        ("spacing = 0.01\n", "spacing = 0\n", "2 'table': key 'spacing' must be a number above 0"),
+        ('[[object]]\nshape = "mesh"', '[[object]]\nshape = "heightfield"', "key 'shape' must be one of 'box'"),
+    ],
+)
+def test_bad_meshes_and_heightfields_are_named_in_one_line(uneven, monkeypatch, old, new, message):
+    monkeypatch.setenv("ICJAX_CACHE", str(uneven / "cache"))
+    assert SOLID.count(old) == 1
+    path = uneven / "bad.toml"
+    path.write_text(SOLID.replace(old, new))
+    with pytest.raises(FileError, match=message) as caught:
+        read_scene(path)
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
 
 
 def test_objects_gravity_and_pairs(tmp_path):

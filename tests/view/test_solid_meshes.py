@@ -8,12 +8,25 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
+from trimesh import creation
 
-from icjax.geometry import Box, Capsule, Cylinder, Ellipsoid, Placed, Prism, Sphere, Union, wedge
+from icjax.geometry import (
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    Heightfield,
+    Placed,
+    Prism,
+    Sphere,
+    Union,
+    triangle_mesh,
+    wedge,
+)
 from icjax.spatial import Pose
 from icjax.synthesis import Scene, Surface
-from icjax.view._solids import section, silhouette, solid
-from icjax.view._surfaces import Bump, scene_surfaces
+from icjax.view._solids import outlines, section, silhouette, solid
+from icjax.view._surfaces import Bump, profile, scene_surfaces
 
 TURN = Rotation.from_rotvec([0.4, -0.7, 0.9])
 PLACE = np.array([0.1, -0.2, 0.3])
@@ -77,6 +90,29 @@ def test_a_union_is_drawn_as_its_parts():
     assert [(item.name, item.friction) for item in found] == [("bulb", 0.5)] * 2
     for item, part in zip(found, parts, strict=True):
         np.testing.assert_allclose(distances(part, item.vertices), 0.0, rtol=0, atol=1e-9)
+
+
+def test_a_cut_through_a_ring_is_two_rings(tmp_path):
+    """A mesh need not be convex: along the axis a torus shows both sides of its tube, across it both rims."""
+    ring = creation.torus(0.03, 0.01, 48, 24)
+    shape = triangle_mesh(ring.vertices, ring.faces, spacing=0.005, cache=tmp_path)
+    (found,) = scene_surfaces(Scene("one", (Surface("ring", Placed(shape, Pose(np.eye(3), PLACE)), 0.5),)).describe())
+    np.testing.assert_allclose(volume_of(found), ring.volume, rtol=0.01)  # fewer triangles are drawn
+    for up, areas in ((np.eye(3)[2], [np.pi * 0.01**2] * 2), (np.eye(3)[1], [np.pi * 0.02**2, np.pi * 0.04**2])):
+        cuts = outlines(found, PLACE + [0.0, 1e-4, 1e-4], np.eye(3)[0], up)
+        flat = [np.stack([cut @ np.eye(3)[0], cut @ up], axis=1) for cut in cuts]
+        np.testing.assert_allclose(sorted(area(cut) for cut in flat), areas, rtol=0.03)
+
+
+def test_ground_is_drawn_as_high_as_it_is():
+    heights = np.outer(np.linspace(0.0, 0.03, 4), np.ones(3))
+    ground = Placed(Heightfield(heights, 0.01), Pose(np.eye(3), np.array([0.0, 0.0, 0.1])))
+    (found,) = scene_surfaces(Scene("one", (Surface("ground", ground, 0.5),)).describe())
+    assert found.ground
+    np.testing.assert_allclose(distances(ground, found.vertices), 0.0, atol=1e-15)
+    reach = np.array([-0.02, -0.01, 0.0, 0.012, 0.016])
+    height = profile((found,), np.zeros(3), np.eye(3)[0], np.eye(3)[2], reach)
+    np.testing.assert_allclose(height, [np.nan, 0.105, 0.115, 0.127, np.nan], atol=1e-12)
 
 
 def area(points) -> float:
