@@ -2,9 +2,12 @@
 # (the checker does not see that `labelled`, `names` and `static` declare fields without a default)
 """Hinge 2: how the subject moved. Joint compliance C and reference trajectory theta_r, with their uncertainty."""
 
+import json
 import os
+from typing import Any
 
 import equinox as eqx
+import numpy as np
 
 from icjax.files import labelled, load_record, names, optional, save_record, static
 from icjax.model import Model
@@ -79,6 +82,53 @@ class Interaction(eqx.Module):
     full_compliance: Float[Real, "time dof dof2"] | None = optional(
         "time", "dof", "dof2", unit="rad/Nm", doc="symmetric C of coupled joints; `compliance` is its diagonal"
     )
+
+    @staticmethod
+    def of(model: Model, time: Any, reference: Any, compliance: Any, *, name: str = "stated") -> "Interaction":
+        """A movement that was thought of and not recorded; all standard errors are zero.
+
+        **Arguments**: `time` s `[time]`; `reference` theta_r `[time, nq]`; `compliance` C, constant `[nv]` or full
+        `[nv, nv]`, or of every time.
+
+        **Errors**: `ValueError` for sizes that do not agree.
+        """
+        time, reference, C = (np.asarray(x, float) for x in (time, reference, compliance))
+        count, nv = len(time), model.nv
+        if reference.shape != (count, model.nq):
+            raise ValueError(f"reference must be [{count}, {model.nq}]; got {list(reference.shape)}")
+        if C.shape not in ((nv,), (count, nv), (nv, nv), (count, nv, nv)):
+            raise ValueError(f"compliance must be [{nv}] or [{nv}, {nv}], or {count} of these; got {list(C.shape)}")
+        square = C.shape[-2:] == (nv, nv) and (C.ndim == 3 or count != nv)
+        C = np.broadcast_to(C, (count, *C.shape[-2 if square else -1 :]))
+        diagonal, still = np.diagonal(C, axis1=1, axis2=2) if square else C, np.zeros((count, nv))
+        none, whole = np.zeros((0, 0)), np.zeros(0, int)
+        return Interaction(
+            name=name,
+            model=model,
+            time=time,
+            compliance=np.array(diagonal),
+            compliance_sd=still,
+            reference=reference,
+            reference_sd=still,
+            q=reference,
+            torque=still,
+            contact_names=(),
+            contact_force=np.zeros((count, 0, 3)),
+            contact_point=np.zeros((count, 0, 3)),
+            per_event=CompliancePerEvent(
+                recording=(), joint_names=(), onset=np.zeros(0), compliance=none, standard_error=none,
+                status=none.astype(int), r_squared=np.zeros((0, 0, 3)), torque_change=none,
+                angle_before=np.zeros((0, 0, 2)), angle_after=np.zeros((0, 0, 2)), torque_after=np.zeros((0, 0, 2)),
+                window=np.zeros(2),
+            ),
+            summary=JointCompliance(
+                joint_names=(), compliance=np.zeros(0), lower=np.zeros(0), upper=np.zeros(0), accepted=whole,
+                negative=whole, events=whole,
+            ),
+            friction=None,
+            provenance=json.dumps({"compliance and reference": "stated"}),
+            full_compliance=np.array(C) if square else None,
+        )  # fmt: skip
 
     def save(self, path: str | os.PathLike) -> None:
         """Write one labelled netCDF file, complete or not at all."""

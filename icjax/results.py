@@ -19,7 +19,10 @@ class RESULTS(eqx.Enumeration):
     max_pivots = "The solver reached its maximum number of pivots or iterations."
     not_converged = "The solver stopped before it reached its tolerance."
     invalid_input = "The problem contains NaN, infinite numbers, or negative friction."
-    crowded = "More contacts or joint limits took part than the scene has room for; the others were left out."
+    crowded = (
+        "More contacts or joint limits took part than the scene has room for (its `contacts` and `limits`); the others "
+        "were left out."
+    )
 
 
 class Solution(eqx.Module, Generic[Value]):

@@ -143,12 +143,15 @@ def rollout_text(rollout) -> str:
     """What happened to the hand, in two lines, and a line an object."""
     import numpy as np
 
+    from icjax.synthesis import why_unsolved
+
     on_hand = np.array(rollout.on_hand())
     force = np.linalg.norm(np.asarray(rollout.contact_force)[:, on_hand].sum(axis=1), axis=-1)
     failed = np.flatnonzero(np.asarray(rollout.status))
     text = f"  {len(rollout.time)} steps, largest force {force.max():.2f} N, in contact {np.mean(force > 0):.0%}"
     if failed.size:
-        text += f"\n  {failed.size} steps failed, the first at {float(rollout.time[failed[0]]):.3f} s"
+        first = float(rollout.time[failed[0]])
+        text += f"\n  {failed.size} steps failed, the first at {first:.3f} s. {why_unsolved(rollout)}"
     return text + "".join(f"\n  {_object_text(rollout, name)}" for name in rollout.object_names)
 
 

@@ -7,18 +7,29 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from icjax.view import solid
+from icjax.view import parts_of, solid
 
 
 def add_shape(element: Any, assets: Any, entry: Mapping[str, Any], looks: dict[str, str]) -> bool:
-    """Add the geom of a surface or object as a rollout's scene describes it. **Returns**: whether it is a shape."""
+    """Add the geom of a surface or object as a rollout's scene describes it, of a union one geom a part.
+
+    **Returns**: whether it is a shape.
+    """
+    if entry.get("shape") == "union":
+        added = [
+            add_shape(
+                element, assets, {"friction": entry.get("friction"), **part, "name": f"{entry['name']}.{number}"}, looks
+            )
+            for number, part in enumerate(parts_of(entry), start=1)
+        ]
+        return all(added)
     found = _geom(entry, assets)
     if found is None:
         return False
     values, position, rotation = found
     quaternion = Rotation.from_matrix(rotation).as_quat(scalar_first=True)
     values |= {"name": str(entry["name"]), "pos": _text(position), "quat": _text(quaternion), **looks}
-    if "friction" in entry:
+    if entry.get("friction") is not None:
         values["friction"] = _text([entry["friction"], 0.005, 0.0001])
     ElementTree.SubElement(element, "geom", values)
     return True

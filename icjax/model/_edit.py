@@ -10,6 +10,9 @@ from icjax.model._model import POSITION_SIZE, VELOCITY_SIZE, Model
 from icjax.spatial import quaternion_to_rotation, rotation_exp
 from icjax.typing import Float, Real
 
+SHORTEST_AXIS = 1e-6
+"""m."""
+
 BY_BODY = ("body_position", "body_rotation", "body_mass", "body_com", "body_inertia")
 BY_COORDINATE = ("zero", "rest", "lower", "upper")
 BY_DOF = ("compliance", "damping", "armature")
@@ -47,12 +50,22 @@ def with_pads(
     **Errors**: `ValueError` for a name that the model already has, an unknown body, a radius that is not positive, an
     axis that is zero or a compliance that is negative.
     """
-    for name, (_, _, radius, *axis) in pads.items():
+    for name, pad in pads.items():
+        if not isinstance(name, str) or not name or "/" in name:
+            raise ValueError(f"a pad must have a name without '/'; got {name!r}")
         if name in model.pad_names:
             raise ValueError(f"pad {name!r} exists already")
+        if len(pad) not in (3, 4):
+            raise ValueError(
+                f"pad {name!r} must be body, centre, radius and, of a capsule, axis; got {len(pad)} values"
+            )
+        _, centre, radius, *axis = pad
+        for what, place in (("centre", centre), *(("axis", half) for half in axis)):
+            if np.shape(place) != (3,) or not np.isfinite(np.asarray(place, float)).all():
+                raise ValueError(f"{what} of pad {name!r} must be three finite numbers, m; got {place}")
         if not 0 < radius < np.inf:
             raise ValueError(f"radius of pad {name!r} is {radius} m; it must be above 0")
-        if axis and not (np.isfinite(axis[0]).all() and np.any(axis[0])):
+        if axis and not np.linalg.norm(axis[0]) > SHORTEST_AXIS:
             raise ValueError(f"axis of pad {name!r} is {list(axis[0])} m; it must not be zero")
     if not 0 <= compliance < np.inf:
         raise ValueError(f"compliance is {compliance} m/N; it must be 0 or more")
@@ -106,10 +119,15 @@ def joined(**models: Model) -> Model:
     Names get the keyword in front ("left_thumb"); coordinates follow in the order of the arguments. Gravity and the
     name are those of the first.
 
-    **Errors**: `ValueError` for no model.
+    **Errors**: `ValueError` for no model, or names that two bodies, joints, sites or pads would share.
     """
     if not models:
         raise ValueError("joined needs at least one model")
+    for kind in ("body", "joint", "site", "pad"):
+        names = [f"{key}_{name}" for key, part in models.items() for name in getattr(part, f"{kind}_names")]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"joined: two {kind} names would be {twice[0]!r}; take other keywords")
     parts, first = list(models.values()), next(iter(models.values()))
     bodies = np.cumsum([0, *(len(part.body_names) - 1 for part in parts)])  # one world
     pads = np.cumsum([0, *(len(part.pad_names) for part in parts)])

@@ -177,6 +177,8 @@ def _topology_problem(model: Model) -> str | None:
     for pad in model.capsule_pads:
         if pad not in range(len(model.pad_names)) or model.pad_axis is None:
             return f"capsule_pads: pad {pad} is none, or pad_axis is not stated"
+    if model.pad_axis is not None and np.shape(model.pad_axis) != (len(model.pad_names), 3):
+        return f"pad_axis is {list(np.shape(model.pad_axis))}, not [{len(model.pad_names)}, 3]"
     sizes = {
         "body_parents": bodies,
         "body_position": bodies,
@@ -190,7 +192,7 @@ def _topology_problem(model: Model) -> str | None:
         "site_bodies": len(model.site_names),
         "site_position": len(model.site_names),
         "pad_bodies": len(model.pad_names),
-        "pad_radius": len(model.pad_names),
+        **{f"pad_{name}": len(model.pad_names) for name in ("centre", "radius", "compliance")},
     }
     for field, size in sizes.items():
         value = getattr(model, field)

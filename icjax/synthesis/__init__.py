@@ -4,6 +4,7 @@ from icjax.synthesis._bodies import Admittance as Admittance
 from icjax.synthesis._bodies import QuasiStaticHand as QuasiStaticHand
 from icjax.synthesis._bodies import Target as Target
 from icjax.synthesis._check_rollout import check_rollout as check_rollout
+from icjax.synthesis._check_rollout import why_unsolved as why_unsolved
 from icjax.synthesis._contacts import Contacts as Contacts
 from icjax.synthesis._contacts import find_contacts as find_contacts
 from icjax.synthesis._contacts import slot_names as slot_names

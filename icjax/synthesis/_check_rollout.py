@@ -5,7 +5,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from icjax.results import RESULTS
 from icjax.rollout import Rollout
+from icjax.synthesis._stepper import STATUSES
 
 PULL = 1e-9
 """Share of the largest force below which a pulling normal force is rounding."""
@@ -45,6 +47,13 @@ def check_rollout(rollout: Rollout) -> list[str]:
     return lines + [f"{kind}: rollout '{rollout.name}': {text}" for kind, text in _findings(rollout, ~failed)]
 
 
+def why_unsolved(rollout: Rollout) -> str:
+    """What `Rollout.status` means where it is not 0: each reason, and for how many steps."""
+    numbers, counts = np.unique(np.asarray(rollout.status), return_counts=True)
+    found = [(RESULTS[STATUSES[number]], count) for number, count in zip(numbers, counts, strict=True) if number]
+    return " ".join(message if len(found) == 1 else f"{count} steps: {message}" for message, count in found)
+
+
 def _listed(rollout: Rollout) -> str:
     """Who may touch whom, the corners of an object together."""
     return ", ".join(dict.fromkeys("/".join(filter(None, bodies)) for bodies in rollout.slot_bodies()))
@@ -52,7 +61,11 @@ def _listed(rollout: Rollout) -> str:
 
 def _findings(rollout: Rollout, solved: np.ndarray) -> Iterator[tuple[str, str]]:
     if not solved.all():
-        yield "suspicious", f"{int((~solved).sum())} steps are not solved, the first at {rollout.time[~solved][0]:g} s"
+        first = rollout.time[~solved][0]
+        yield (
+            "suspicious",
+            f"{int((~solved).sum())} steps are not solved, the first at {first:g} s. {why_unsolved(rollout)}",
+        )
     yield from _implausible(rollout, solved)
     yield from _implausible_objects(rollout)
     force, normal = np.asarray(rollout.contact_force)[solved], np.asarray(rollout.contact_normal)[solved]

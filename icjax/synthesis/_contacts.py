@@ -186,7 +186,7 @@ def _relative_jacobian(model: Model, q: Real, table: Slots, point: Real, centres
         hand = _jacobians(model, at, table.pad[of_pads], point[of_pads])
         if (table.other >= 0).any():
             both = np.flatnonzero(table.other >= 0)  # pads come first
-            hand = hand.at[both].add(-_jacobians(model, at, table.other[both], point[both]))
+            hand = jnp.asarray(hand).at[both].add(-_jacobians(model, at, table.other[both], point[both]))
         rest = jnp.zeros((int(np.sum(~of_pads)), 3, model.nv), hand.dtype)
         blocks.append(jnp.concatenate([hand, rest]))
     else:

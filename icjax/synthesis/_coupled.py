@@ -35,6 +35,8 @@ class Coupled(eqx.Module):
     - `limits`: which limits take part, lower ones first.
     - `limit_jacobian`: the last rows of `jacobian`, those of the limits.
     - `crowded`: something that touches already has found no place in the problem.
+    - `left`: contacts for which there was no place (not those that did not exist: of two solids that turn, new corners
+      come to touch, as they do where there is room for all).
     """
 
     problem: ContactProblem
@@ -43,15 +45,15 @@ class Coupled(eqx.Module):
     limits: Int[Real, " limit"]
     limit_jacobian: Float[Real, "limit coordinate"]
     crowded: Bool[Real, ""]
+    left: Bool[Real, " slot"]
 
     def missed(self, there: Contacts, clearance: Float[Real, " end"]) -> Bool[Real, ""]:
         """Whether the step has led into something that took no part in it.
 
         **Arguments**: `there` geometry of all slots after the step, `clearance` of all limits (`limit_clearance`).
         """
-        contacts = jnp.ones(there.gap.shape[0], bool).at[self.slots].set(False)
         limits = jnp.ones(clearance.shape[0], bool).at[self.limits].set(False)
-        overlapped = jnp.any(contacts & there.active & (there.gap < -MISSED))
+        overlapped = jnp.any(self.left & there.active & (there.gap < -MISSED))
         return overlapped | jnp.any(limits & (clearance < -MISSED))
 
     def pushed(self, value: ContactForces) -> Float[Real, " coordinate"]:
@@ -89,6 +91,7 @@ def coupled(
     loaded = jnp.sum(pad_force**2, axis=1) > 0
     slots, crowded = _places(jnp.where(loaded, -jnp.inf, jnp.where(here.active, closing, jnp.inf)), scene.contacts)
     friction, compliance = table.friction[slots], table.compliance[slots]
+    left = jnp.asarray(here.active).at[slots].set(False)
     padded = jnp.asarray(table.pad >= 0)[slots]
     here, pad_force = jax.tree.map(lambda values: values[slots], (here, pad_force))
     limit = _limits(model, scene, q, free, jnp.diag(admittance))
@@ -109,7 +112,7 @@ def coupled(
         active=here.active,
         limit_gap=limit.gap,
     )
-    return Coupled(problem, J, slots, limit.chosen, limit.jacobian, crowded | limit.crowded)
+    return Coupled(problem, J, slots, limit.chosen, limit.jacobian, crowded | limit.crowded, left)
 
 
 def limit_clearance(model: Model, q: Float[Real, " nq"], yielding: Float[Real, " nv"]) -> Float[Real, " end"]:

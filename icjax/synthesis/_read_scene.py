@@ -64,7 +64,7 @@ def read_scene(path: str | os.PathLike) -> Scene:
         raise FileError(path, "needs at least one [[surface]] or [[object]] table")
     pairs: list[PairFriction] = []
     for table in top.tables("pair"):
-        pairs.append(_pair(table, names, pairs))
+        pairs.append(_pair(table, pairs))
     top.close()
     try:
         return Scene(name, surfaces, facets, step, objects, gravity, tuple(pairs), contacts, limits)
@@ -129,14 +129,12 @@ def _friction(table: Table, friction: float | None) -> float:
     return friction
 
 
-def _pair(table: Table, known: list[str], earlier: list[PairFriction]) -> PairFriction:
-    """Friction of two things, of which one may be a pad: the file does not know the model."""
+def _pair(table: Table, earlier: list[PairFriction]) -> PairFriction:
+    """Friction of two things; any may be a pad: the file does not know the model."""
     names, friction = table.texts("names"), table.number("friction", least=0.0)
     table.close()
     if len(names) != 2:
         raise table.error(f"key 'names' must be two names, not {list(names)}")
-    if not set(names) & set(known):
-        raise table.error(f"key 'names': neither '{names[0]}' nor '{names[1]}' is one of {', '.join(known)}")
     if any(set(names) == set(pair.names) for pair in earlier):
         raise table.error(f"the friction of '{names[0]}' and '{names[1]}' is stated by an earlier pair")
     try:

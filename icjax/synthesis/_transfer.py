@@ -89,6 +89,9 @@ def transfer(
     )
 
 
+DIAGONAL = 1e-6
+"""How far the diagonal of the full compliance may be from `compliance`, as a share."""
+
 MOST_FAILED = 0.5
 """Share of the steps; a rollout of which more is unsolved says nothing."""
 
@@ -113,6 +116,7 @@ def _check(interaction: Interaction, scene: Scene) -> None:
         raise ValueError(
             f"step {scene.step:g} s divides {time[-1] - time[0]:g} s into more than {MOST_STEPS} steps; it is too short"
         )
+    _check_shapes(interaction)
     compliance, reference = np.asarray(interaction.compliance), np.asarray(interaction.reference)
     bad = ~np.isfinite(compliance) | (compliance < 0)
     if bad.any():
@@ -124,3 +128,23 @@ def _check(interaction: Interaction, scene: Scene) -> None:
         row, coordinate = np.argwhere(bad)[0]
         value, time = reference[row, coordinate], float(interaction.time[row])
         raise ValueError(f"reference coordinate {coordinate} is {value:g} at {time:.3f} s; it must be finite")
+
+
+def _check_shapes(interaction: Interaction) -> None:
+    model, count, full = interaction.model, len(interaction.time), interaction.full_compliance
+    sizes: dict[str, tuple[int, ...]] = {"reference": (count, model.nq), "compliance": (count, model.nv)}
+    if full is not None:
+        sizes["full_compliance"] = (count, model.nv, model.nv)
+    for name, size in sizes.items():
+        found = np.shape(getattr(interaction, name))
+        if found != size:
+            raise ValueError(f"interaction {interaction.name!r}: {name} must be {list(size)}; got {list(found)}")
+    if full is not None:
+        diagonal = np.diagonal(np.asarray(full), axis1=1, axis2=2)
+        off = np.abs(diagonal - np.asarray(interaction.compliance)) > DIAGONAL * np.abs(diagonal)
+        if off.any():
+            row, dof = np.argwhere(off)[0]
+            raise ValueError(
+                f"interaction {interaction.name!r}: full_compliance of {model.dof_names[dof]} is "
+                f"{diagonal[row, dof]:g} in row {row}, but compliance {float(interaction.compliance[row][dof]):g}"
+            )

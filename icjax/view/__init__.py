@@ -30,6 +30,7 @@ from icjax.view._skeleton import scalar_joints as scalar_joints
 from icjax.view._snapshot import draw_snapshot as draw_snapshot
 from icjax.view._snapshot import snapshot as snapshot
 from icjax.view._solids import Solid as Solid
+from icjax.view._solids import parts_of as parts_of
 from icjax.view._solids import solid as solid
 from icjax.view._style import save as save
 from icjax.view._style import svg as svg

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from icjax.geometry import Box, Capsule, Cylinder, Ellipsoid, Placed, Plane, Shape, Sphere, wedge
+from icjax.geometry import Box, Capsule, Cylinder, Ellipsoid, Placed, Plane, Shape, Sphere, Union, wedge
 from icjax.spatial import Pose
 
 AS_GIVEN = "as given"
@@ -31,6 +31,8 @@ def resized(shape: Shape, factor: float, about_middle: bool = False) -> Shape:
     if isinstance(shape, Placed):
         moved = Pose(shape.pose.rotation, spread * shape.pose.position)
         return Placed(resized(shape.shape, factor, about_middle=True), moved)
+    if isinstance(shape, Union):
+        return Union([resized_part(part, factor) for part in shape.parts])
     own = {field.name: getattr(shape, field.name) for field in dataclasses.fields(shape)}
     grown: dict[str, Any] = {name: factor * own[name] for name in LENGTHS if name in own}
     if not grown:
@@ -38,6 +40,13 @@ def resized(shape: Shape, factor: float, about_middle: bool = False) -> Shape:
     if "centre" in own:
         grown["centre"] = spread * own["centre"]
     return dataclasses.replace(shape, **grown)
+
+
+def resized_part(part: Shape, factor: float) -> Shape:
+    """Like `resized`, with the distance from the origin growing too."""
+    if isinstance(part, Placed):
+        return Placed(resized(part.shape, factor), Pose(part.pose.rotation, factor * part.pose.position))
+    return resized(part, factor)
 
 
 def lowest(shape: Shape, up: np.ndarray) -> float:

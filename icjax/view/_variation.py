@@ -46,7 +46,12 @@ def varied_interaction(interaction: Interaction, variation: Variation) -> Intera
     """The interaction with other compliances."""
     if not (np.isfinite(variation.compliance) and variation.compliance >= 0):
         raise ValueError(f"the factor on the compliance must be zero or more; got {variation.compliance}")
-    return dataclasses.replace(interaction, compliance=variation.compliance * np.asarray(interaction.compliance))
+    full = interaction.full_compliance
+    return dataclasses.replace(
+        interaction,
+        compliance=variation.compliance * np.asarray(interaction.compliance),
+        full_compliance=None if full is None else variation.compliance * np.asarray(full),
+    )
 
 
 def varied_scene(scene: Scene, variation: Variation) -> Scene:

@@ -394,11 +394,6 @@ BAD_OBJECTS = {
     "wedge": ("tilt_degrees = 5", "tilt_degrees = 45", r"1 'table': key 'tilt_degrees' is 45: the sides would meet"),
     "room": ("contacts = 12", "contacts = 0", r"key 'contacts' must be a whole number of at least 1"),
     "gravity": ("[0, -9.81, 0]", "-9.81", r"key 'gravity' must be three numbers"),
-    "pair of strangers": (
-        '"thumb", "cup"',
-        '"thumb", "pot"',
-        r"1: key 'names': neither 'thumb' nor 'pot' is one of ta",
-    ),
     "pair of one": ('"thumb", "cup"', '"cup"', r"\[\[pair\]\] 1: key 'names' must be two names"),
     "pair with itself": ('"thumb", "cup"', '"cup", "cup"', r"1: friction is that of two different things"),
     "pair twice": ('"thumb", "cup"', '"table", "die"', r"\[\[pair\]\] 2: .* is stated by an earlier pair"),

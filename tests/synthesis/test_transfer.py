@@ -96,6 +96,36 @@ def test_coupled_joints_yield_together(tmp_path):
     np.testing.assert_allclose(yielded, np.asarray(rollout.torque) @ full[0], rtol=0, atol=1e-12)
 
 
+def test_a_stated_movement_is_transferred_as_an_estimated_one(tmp_path):
+    given = tapping()
+    stated = Interaction.of(given.model, given.time, given.reference, given.compliance[0])
+    stated.save(tmp_path / "stated.nc")
+    found = transfer(Interaction.load(tmp_path / "stated.nc"), floor(0.5))
+    np.testing.assert_array_equal(found.contact_force, transfer(given, floor(0.5)).contact_force)
+    full = np.diag(given.compliance[0])
+    np.testing.assert_array_equal(
+        Interaction.of(given.model, given.time, given.reference, full).compliance, given.compliance
+    )
+    with pytest.raises(ValueError, match=r"reference must be \[21, 3\]; got \[20, 3\]"):
+        Interaction.of(given.model, given.time, given.reference[:20], full)
+
+
+@pytest.mark.parametrize(
+    ("field", "change", "message"),
+    [
+        ("reference", lambda i: i.reference[:5], r"reference must be \[21, 3\]; got \[5, 3\]"),
+        ("compliance", lambda i: i.compliance[:5], r"compliance must be \[21, 3\]; got \[5, 3\]"),
+        ("full_compliance", lambda i: np.zeros((3, 3)), r"full_compliance must be \[21, 3, 3\]; got \[3, 3\]"),
+        ("full_compliance", lambda i: np.tile(np.eye(3), (21, 1, 1)), "full_compliance of .* is 1 in row 0, but compl"),
+    ],
+)
+def test_arrays_that_do_not_fit_each_other(field, change, message):
+    given = tapping()
+    object.__setattr__(given, field, change(given))  # past the checks of types that only the tests have
+    with pytest.raises(ValueError, match=message):
+        transfer(given, floor(0.5))
+
+
 def test_transfer_to_an_object_and_back_from_its_file(tmp_path):
     """A box on a table gives the finger what the plate gave; the table carries the finger's force and the weight."""
     interaction = tapping()
