@@ -62,7 +62,7 @@ def _settled():
 
     def derivative(arguments, changes):
         solid, other, point = arguments
-        _, change = jax.jvp(lambda *two: _again(*two, point), (solid, other), changes[:2])
+        _, change = jax.jvp(lambda one, two: _again(one, two, point), (solid, other), changes[:2])
         slope = jax.jacfwd(lambda x: _again(solid, other, x))(point)
         return point, _inverse(jnp.eye(3, dtype=point.dtype) - slope) @ change
 

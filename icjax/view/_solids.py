@@ -44,12 +44,14 @@ def solid(entry: Mapping[str, Any], name: str, friction: float | None = None) ->
     kind = entry["shape"]
     vertices, faces = np.array(mesh.vertices, float), np.array(mesh.faces)
     edges = vertices[mesh.face_adjacency_edges[mesh.face_adjacency_angles > SHARP]]
+    if kind == "heightfield":
+        edges = _ruling(vertices.reshape(*np.shape(entry["heights"]), 3))
     middle = vertices.mean(axis=0)
     rings = [_section_lines(vertices, faces, middle, np.eye(3)[axis]) for axis in circles]
     lines = middle + ABOVE * (np.concatenate([edges, *rings]) - middle)
     place = np.asarray(entry.get("centre", entry.get("position", np.zeros(3))), float)
     turn = np.asarray(entry.get("rotation", np.eye(3)), float).reshape(3, 3)
-    flat, ground = kind in ("box", "prism", "cylinder"), kind == "heightfield"
+    flat, ground = kind in ("box", "prism", "cylinder", "heightfield"), kind == "heightfield"
     convex = kind not in ("mesh", "heightfield")
     return Solid(name, vertices @ turn.T + place, faces, lines @ turn.T + place, flat, friction, convex, ground)
 
@@ -91,6 +93,15 @@ def _ground(heights: np.ndarray, spacing: Any) -> tuple[np.ndarray, np.ndarray]:
     a = columns * i + j
     c = a + columns + 1
     return vertices, np.concatenate([np.stack([a, c - 1, c], axis=1), np.stack([a, c, a + 1], axis=1)])
+
+
+def _ruling(nodes: np.ndarray) -> np.ndarray:
+    """Lines along both directions of a grid of nodes, as pieces `[k, 2, 3]`, some thirty a direction at most."""
+    pieces = []
+    for rows in (nodes, nodes.swapaxes(0, 1)):
+        rows = rows[:: max(1, len(rows) // 30)]
+        pieces.append(np.stack([rows[:, :-1], rows[:, 1:]], axis=2).reshape(-1, 2, 3))
+    return np.concatenate(pieces)
 
 
 def _section_points(vertices: np.ndarray, faces: np.ndarray, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
