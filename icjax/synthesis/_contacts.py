@@ -79,7 +79,7 @@ def slots(model: Model, scene: Scene) -> Slots:
     things = [(FIXED, item) for item in scene.surfaces] + list(enumerate(scene.objects))
     rows: list[Any] = []
     for pad, place, other, count in pad_pairs(model, scene, [item.shape for _, item in things]):
-        if place is None:
+        if place < 0:
             name, second, mu = model.pad_names[other], FIXED, None
         else:
             second, thing = things[place]
@@ -87,7 +87,7 @@ def slots(model: Model, scene: Scene) -> Slots:
         stated = scene.friction_of(model.pad_names[pad], name)
         mu = mu if stated is None else stated
         names = _numbered(model.pad_names[pad], name, count)
-        rows += [(label, pad, -1 if other is None else other, FIXED, second, mu) for label in names]
+        rows += [(label, pad, other, FIXED, second, mu) for label in names]
     for first, at in _meetings(scene):
         item, (second, thing) = scene.objects[first], things[at]
         mu = scene.friction_of(item.name, thing.name)

@@ -25,11 +25,11 @@ class PadContacts(NamedTuple):
 
 
 class PadPair(NamedTuple):
-    """A pad, the place of what it may touch among the things or the other pad (else None), and how many points."""
+    """A pad, the place of what it may touch among the things or the other pad (else -1), and how many points."""
 
     pad: int
-    thing: int | None
-    other: int | None
+    thing: int
+    other: int
     count: int
 
 
@@ -41,7 +41,7 @@ def pad_pairs(model: Model, scene: Scene, shapes: list[Shape]) -> list[PadPair]:
     **Errors**: `ValueError` for two pads of one body, and a capsule with a thing whose contact is not implemented.
     """
     places = range(len(shapes))
-    balls = [PadPair(pad, place, None, 1) for pad in _pads(model, "ball") for place in places]
+    balls = [PadPair(pad, place, -1, 1) for pad in _pads(model, "ball") for place in places]
     rods, found = _pads(model, "capsule"), []
     for place, shape in enumerate(shapes if len(rods) else []):
         count = manifold_size(Capsule(1.0, 1.0), shape)
@@ -49,11 +49,11 @@ def pad_pairs(model: Model, scene: Scene, shapes: list[Shape]) -> list[PadPair]:
             raise ValueError(
                 f"contact of the capsule {model.pad_names[rods[0]]!r} with a {_kind(shape)}: not implemented"
             )
-        found += [PadPair(pad, place, None, count) for pad in rods.tolist()]
+        found += [PadPair(pad, place, -1, count) for pad in rods.tolist()]
     for first, second in _partners(model, scene):
         shape_of = {"ball": Sphere(1.0), "capsule": Capsule(1.0, 1.0)}
         first_shape, second_shape = (shape_of[model.pad_types[pad]] for pad in (first, second))
-        found.append(PadPair(first, None, second, manifold_size(first_shape, second_shape)))
+        found.append(PadPair(first, -1, second, manifold_size(first_shape, second_shape)))
     return balls + found
 
 
