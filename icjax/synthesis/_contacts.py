@@ -63,9 +63,12 @@ class Slots(NamedTuple):
 def slots(model: Model, scene: Scene) -> Slots:
     """Every pad with every surface, object and pad stated; then the points of objects with surfaces and other objects.
 
-    **Errors**: `ValueError` for a thing that has the name of a pad, friction of a pair whose names are neither pads,
-    surfaces nor objects, and two things whose contact would not be found.
+    **Errors**: `ValueError` for a thing that has the name of a pad, names that could be mixed up, friction of a pair
+    whose names are neither pads, surfaces nor objects, and two things whose contact would not be found.
     """
+    for name in model.pad_names:
+        if "/" in name:
+            raise ValueError(f"pad {name!r} of {model.name!r}: names of pads must be without '/'")
     for thing in (*scene.surfaces, *scene.objects):
         if thing.name in model.pad_names:
             raise ValueError(
@@ -96,6 +99,9 @@ def slots(model: Model, scene: Scene) -> Slots:
         rows += [(label, -1, -1, first, second, mu) for label in names]
     if not rows:
         raise ValueError("nothing in the scene can touch anything: it needs a surface, or a model with pads")
+    twice = [row[0] for row in rows if sum(row[0] == one[0] for one in rows) > 1]
+    if twice:
+        raise ValueError(f"two contacts would be named {twice[0]!r}: a name that ends in a number is that of a point")
     pad, other, first, second = (np.array([row[i] for row in rows], int) for i in range(1, 5))
     pads = jnp.concatenate([jnp.asarray(model.pad_compliance), jnp.zeros(1)])  # the last one is no pad
     return Slots(

@@ -53,9 +53,13 @@ def object_entry(rollout: Rollout, name: str) -> dict:
 
 
 def object_rotation(rollout: Rollout, number: int) -> np.ndarray:
-    """Rotation of an object over time `[time, 3, 3]`, from its frame to world."""
+    """Rotation of an object over time `[time, 3, 3]`, from its frame to world; NaN where a step was lost."""
     quaternion = np.asarray(rollout.object_quaternion, float)[:, number]
-    return Rotation.from_quat(quaternion[:, [1, 2, 3, 0]]).as_matrix()
+    known = np.isfinite(quaternion).all(axis=1)
+    rotation = np.full((len(quaternion), 3, 3), np.nan)
+    if known.any():
+        rotation[known] = Rotation.from_quat(quaternion[known][:, [1, 2, 3, 0]]).as_matrix()
+    return rotation
 
 
 def upward(record: Recording | Interaction | Rollout) -> np.ndarray:

@@ -9,14 +9,17 @@ import numpy as np
 import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
-from view.example_objects import BOX_MASS, HALF, make_object_rollout
+from view.example_objects import BOX_MASS, HALF, make_object_rollout, make_scene
 from view.example_records import make_recording, make_rollout
 
 from icjax import view
 from icjax.cli import main
-from icjax.export import export_mujoco, rollout_forces
+from icjax.export import export_mujoco, rollout_coordinates, rollout_forces
 from icjax.files import read_sto
+from icjax.geometry import Cylinder, Placed, Sphere, Union
 from icjax.model import human_hand, load_model
+from icjax.spatial import Pose
+from icjax.synthesis import Object
 from icjax.view._skeleton import body_poses
 
 SINGLE = 1e-6
@@ -63,6 +66,25 @@ def test_mujoco_has_every_body_where_the_rollout_has_it(rollout, tmp_path):
     np.testing.assert_array_equal(model.geom("box").size, HALF)
     assert {model.geom(number).name for number in range(model.ngeom)} >= {"plate", "rail", "box", "ball", "fingertip"}
     assert model.geom("plate").friction[0] == 0.5
+
+
+def test_a_union_is_several_geoms_and_lost_steps_are_left_out(rollout, tmp_path):
+    parts = [Sphere(0.02), Placed(Cylinder(0.01, 0.02), Pose(np.eye(3), np.array([0.0, 0.0, -0.03])))]
+    scene = make_scene()
+    bulb = Object("box", Union(parts), 0.5, mass=BOX_MASS)
+    quaternion = np.array(rollout.object_quaternion)
+    quaternion[7] = np.nan
+    changed = dataclasses.replace(
+        rollout,
+        scene=dataclasses.replace(scene, objects=(bulb, scene.objects[1])).describe(),
+        object_quaternion=quaternion,
+    )
+    model = mujoco.MjModel.from_xml_path(str(export_mujoco(changed, tmp_path / "bulb.xml")[0]))
+    np.testing.assert_allclose(model.geom("box.1").size[0], 0.02)
+    np.testing.assert_allclose(model.geom("box.2").pos, [0.0, 0.0, -0.03])
+    table = rollout_coordinates(changed, np.eye(3))
+    lost = np.isnan(table.values).any(axis=1)
+    np.testing.assert_array_equal(np.flatnonzero(lost), [7])
 
 
 @pytest.mark.parametrize("kind", ["hand", "tree"])

@@ -83,6 +83,29 @@ def test_pads_of_one_body_cannot_meet():
         slot_names(more, Scene("one", (TABLE,), frictions=(PairFriction(("pad_left", "thumb"), 0.7),)))
 
 
+def test_names_that_could_be_mixed_up():
+    more = with_pads(PAIR, {"pad_right.1": ("left", (0.0, 0.0, 0.05), 0.01)})
+    with pytest.raises(ValueError, match="two contacts would be named 'pad_right.1/table'"):
+        slot_names(more, Scene("plate", (TABLE,)))
+    with pytest.raises(ValueError, match="pad 'a/b' of 'pair': names of pads must be without '/'"):
+        slot_names(dataclasses.replace(PAIR, pad_names=("a/b", "c")), Scene("plate", (TABLE,)))
+    with pytest.raises(ValueError, match="two body names would be 'a_b_left'; take other keywords"):
+        joined(a_b=PAIR, a=dataclasses.replace(PAIR, body_names=("world", "b_left", "b_right")))
+
+
+@pytest.mark.parametrize(
+    ("pad", "message"),
+    [
+        (("left", (0.0, np.nan, 0.0), 0.01), "centre of pad 'p' must be three finite numbers"),
+        (("left", (0.0, 0.0, 0.0), 0.01, (0.0, 0.1)), "axis of pad 'p' must be three finite numbers"),
+        (("left", (0.0, 0.0, 0.0), 0.01, (0.0, 0.0, 0.1), 0.5), "pad 'p' must be body, centre, radius and"),
+    ],
+)
+def test_bad_pads_are_named(pad, message):
+    with pytest.raises(ValueError, match=message):
+        with_pads(PAIR, {"p": pad})
+
+
 def test_editing_keeps_capsules():
     more = with_pads(PAIR, {"heel": ("left", (0.0, 0.0, 0.05), 0.01, (0.01, 0.02, 0.0))})
     assert more.pad_types == ("ball", "capsule", "capsule")
