@@ -14,6 +14,9 @@ LONGEST_STEP = 0.02
 """s; ten times the usual step."""
 
 
+PolicyName = Literal["none", "tighten", "adjust"]
+
+
 @dataclass(frozen=True)
 class Transfer:
     """Simulate the interaction on another surface; write a rollout.
@@ -41,6 +44,8 @@ class Transfer:
     """Centre of the bump, world x and y, m; the middle of the measured contact points if not given."""
     step: float = 0.002
     """Time step, s, at most 0.02."""
+    policy: PolicyName = "none"
+    """What the hand changes on the way: tighten 100 ms after an object slipped, or adjust before it slips."""
 
     def run(self) -> None:
         import numpy as np
@@ -59,7 +64,7 @@ class Transfer:
         if scene.step > LONGEST_STEP:
             raise ValueError(f"step {scene.step:g} s is longer than {LONGEST_STEP} s; a contact would be stepped over")
         with Steps(1).step(f"transfer of {interaction.name} to {scene.name}") as progress:
-            rollout = transfer(interaction, scene, progress=progress)
+            rollout = transfer(interaction, scene, progress=progress, policy=policy_of(self.policy))
         failed = float(np.mean(np.asarray(rollout.status) != 0))
         if failed > MOST_FAILED:
             raise ValueError(f"{failed:.0%} of the steps to {scene.name} could not be solved; nothing was written")
@@ -112,8 +117,15 @@ class Transfer:
     def _refuse_surface_options(self) -> None:
         for field in dataclasses.fields(self):
             given = getattr(self, field.name) != field.default
-            if given and field.name not in ("interaction", "out", "scene"):
+            if given and field.name not in ("interaction", "out", "scene", "policy"):
                 raise ValueError(f"--{field.name.replace('_', '-')} cannot be given with --scene, which states it")
+
+
+def policy_of(name: PolicyName):
+    """With its default numbers; None for none."""
+    from icjax.synthesis import GripTightening, ImminentSlip
+
+    return {"none": None, "tighten": GripTightening(), "adjust": ImminentSlip()}[name]
 
 
 def read_fitting_scene(path: Path, interaction):

@@ -6,6 +6,8 @@ from typing import Annotated
 
 import tyro
 
+from icjax.cli._transfer import PolicyName
+
 
 @dataclass(frozen=True)
 class View:
@@ -19,6 +21,8 @@ class View:
     """Rollout written by `icjax transfer`, or interaction written by `icjax estimate`."""
     scene: Path | None = None
     """Scene file (TOML) that the interaction meets."""
+    policy: PolicyName = "none"
+    """What the hand changes on the way: tighten 100 ms after an object slipped, or adjust before it slips."""
     port: int = 8080
     """Port of the page; the next free one where it is taken."""
     host: str = "127.0.0.1"
@@ -27,7 +31,7 @@ class View:
     """Open the page in a browser."""
 
     def run(self) -> None:
-        from icjax.cli._transfer import read_fitting_scene
+        from icjax.cli._transfer import policy_of, read_fitting_scene
         from icjax.files import record_kind
         from icjax.interaction import Interaction
         from icjax.rollout import Rollout
@@ -40,11 +44,15 @@ class View:
             raise ValueError(f"--port is {self.port}; it must be 1 to 65535")
         if kind == "Rollout" and self.scene is not None:
             raise ValueError(f"--scene cannot be given with the rollout {self.record}, which has one")
+        if self.policy != "none" and self.scene is None:
+            raise ValueError("--policy needs --scene")
         record = Interaction.load(self.record) if kind == "Interaction" else Rollout.load(self.record)
         scene = None
         if self.scene is not None:
             scene = read_fitting_scene(self.scene, record)
-        page = explore(record, scene, host=self.host, port=self.port, browser=self.browser)
+        page = explore(
+            record, scene, policy=policy_of(self.policy), host=self.host, port=self.port, browser=self.browser
+        )
         print(f"{page.url} (Ctrl-C ends it)", flush=True)
         if kind == "Interaction" and scene is None:
             print("measured only; --scene SCENE.TOML simulates it")

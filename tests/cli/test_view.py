@@ -6,6 +6,7 @@ from view.example_records import make_interaction, make_recording
 
 from icjax.cli import main
 from icjax.files import save_record
+from icjax.synthesis import GripTightening, ImminentSlip
 from icjax.view import LivePage
 
 
@@ -45,8 +46,29 @@ def test_what_cannot_be_viewed_is_refused(folder, capsys):
         (["rollout.nc", "--scene", "scene.toml"], "--scene cannot be given with the rollout"),
         (["interaction.nc", "--scene", "scene.toml"], "'fingertip' is the name of a pad"),
         (["interaction.nc", "--port", "70000"], "--port is 70000"),
+        (["interaction.nc", "--policy", "tighten"], "--policy needs --scene"),
     ):
         paths = [str(folder / item) if item.endswith(("nc", "toml")) else item for item in arguments]
         assert main(["view", *paths, "--no-browser"]) == 2
         line = capsys.readouterr().err.strip().splitlines()[-1]
         assert words in line
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("none", type(None)), ("tighten", GripTightening), ("adjust", ImminentSlip)]
+)
+@pytest.mark.parametrize("verb", ["view", "transfer"])
+def test_the_policy_that_is_asked_for_is_the_one_that_acts(folder, monkeypatch, verb, name, kind):
+    seen = []
+
+    def asked(*_, policy, **__):
+        seen.append(policy)
+        raise ValueError("enough")
+
+    monkeypatch.setattr({"view": "icjax.view.explore", "transfer": "icjax.synthesis.transfer"}[verb], asked)
+    scene = folder / "ground.toml"
+    scene.write_text((folder / "scene.toml").read_text().replace("fingertip", "ground"))
+    browser = ["--no-browser"] if verb == "view" else []
+    arguments = [verb, str(folder / "interaction.nc"), "--scene", str(scene), "--policy", name, *browser]
+    assert main(arguments) == 2
+    assert [type(policy) for policy in seen] == [kind]
