@@ -36,7 +36,9 @@ def check_targets(model: Model, scene: Scene, targets: Target, begins: bool = Tr
 
 
 def check_start(model: Model, scene: Scene, gap: Float[Real, " slot"]) -> None:
-    """**Errors**: `ValueError` for an object that has the centre of a pad inside: no way out is the right one.
+    """**Errors**: `ValueError` for an object into which a pad is pressed deeper than it is thick: out may be anywhere.
+
+    A hand that holds something may well begin at a reference inside it, from where it is pushed out in the first step.
 
     **Arguments**: `gap` of all slots at the start; traced numbers are not looked at.
     """
@@ -44,12 +46,13 @@ def check_start(model: Model, scene: Scene, gap: Float[Real, " slot"]) -> None:
     if depth is None or not model.pad_names:
         return
     radius = np.append(np.asarray(model.pad_radius, float), np.inf)[table.pad]
-    inside = np.where((table.pad >= 0) & (table.second >= 0), depth + radius, np.inf)
+    inside = np.where((table.pad >= 0) & (table.second >= 0), depth + 2.0 * radius, np.inf)
     if inside.min() < 0:
-        pad, thing = table.names[int(np.argmin(inside))].split("/")
+        slot = int(np.argmin(inside))
+        pad, thing = table.names[slot].split("/")
         raise ValueError(
-            f"object {thing!r} begins with the centre of pad {pad!r} {-1e3 * inside.min():.1f} mm inside it: "
-            "move the object, or begin with the hand open"
+            f"object {thing!r} begins {-1e3 * depth[slot]:.1f} mm inside the hand, around pad {pad!r} of radius "
+            f"{1e3 * radius[slot]:.1f} mm: move the object, or begin with the hand open"
         )
 
 

@@ -61,7 +61,8 @@ def rollout(
     **Returns**: the last state and the stacked [`StepInfo`].
 
     **Errors**: `ValueError` for a model without pads in a scene without objects, targets of another model or scene, an
-    object that begins with the centre of a pad inside it, or a scene whose contacts would be missed (see [`Scene`]).
+    object that begins farther inside a pad than that is thick, or a scene whose contacts would be missed (see
+    [`Scene`]).
     """
     if not (model.pad_names or scene.objects):
         raise ValueError(f"model {model.name!r} has no contact pads, and the scene no objects")

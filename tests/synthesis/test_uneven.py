@@ -96,5 +96,5 @@ def test_an_object_that_begins_inside_the_hand_is_named():
     model = sprung_tip()
     targets = constant_targets(model, np.zeros((3, 3)))
     thing = Object("thing", Box(np.full(3, 0.05)), 0.5, mass=0.1)
-    with pytest.raises(ValueError, match="object 'thing' begins with the centre of pad 'pad' .* mm inside it"):
+    with pytest.raises(ValueError, match="object 'thing' begins 57.5 mm inside the hand, around pad .pad. of"):
         rollout(model, Scene("inside", (), objects=(thing,)), targets)
