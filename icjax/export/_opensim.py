@@ -138,12 +138,14 @@ def torque_names(model: Model) -> tuple[str, ...]:
 def rollout_coordinates(rollout: Rollout, turn: Float[np.ndarray, "3 3"]) -> Table:
     """Coordinates of the hand as in `coordinate_table`, then those of objects, as of free bodies."""
     q = np.asarray(rollout.q)
-    table = coordinate_table(rollout.model, q, np.isfinite(q).all(axis=1), turn)  # NaN where a step was lost
+    table = coordinate_table(
+        rollout.model, q, np.asarray(np.isfinite(q).all(axis=1)), turn
+    )  # NaN where a step was lost
     names, columns = list(table.names), [table.values]
     for number, name in enumerate(rollout.object_names):
         names += [safe(name) + end for end in ("_rx", "_ry", "_rz", "_x", "_y", "_z")]
         quaternion = np.asarray(rollout.object_quaternion)[:, number]
-        columns.append(_body_fixed(quaternion, np.isfinite(quaternion).all(axis=1), turn))
+        columns.append(_body_fixed(quaternion, np.asarray(np.isfinite(quaternion).all(axis=1)), turn))
         columns.append(np.asarray(rollout.object_position)[:, number] @ turn.T)
     return Table(tuple(names), np.concatenate(columns, axis=1))
 
