@@ -38,11 +38,11 @@ def balanced_friction(
     Of all forces $f_i = (N_i + \delta_i) n_i + t_i$ the likeliest, if friction is about as large as a normal force
     and no direction of it more likely than another:
 
-    $$\min \sum_i \frac{|t_i|^2}{N_i^2} + \frac{\delta_i^2}{s_i^2} + \frac{|e|^2}{s_e^2}, \qquad
+    $$\min \sum_i \frac{\lVert t_i \rVert^2}{N_i^2} + \frac{\delta_i^2}{s_i^2} + \frac{\lVert e \rVert^2}{s_e^2}, \qquad
     e = \Bigl(\sum_i f_i - w,\ \tfrac1R \sum_i r_i \times f_i\Bigr)$$
 
     with the weight w. Fingers that squeeze without moving the ball, along the lines between them or by twisting against
-    each other, add to the true friction what no balance shows.
+    each other, add to the true friction what no balance shows. No friction cone is imposed.
 
     **Arguments**
 
