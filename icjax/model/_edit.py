@@ -123,17 +123,18 @@ def joined(**models: Model) -> Model:
     """
     if not models:
         raise ValueError("joined needs at least one model")
+
+    def renamed(kind: str) -> tuple[str, ...]:
+        return tuple(f"{key}_{name}" for key, part in models.items() for name in getattr(part, f"{kind}_names"))
+
     for kind in ("body", "joint", "site", "pad"):
-        names = [f"{key}_{name}" for key, part in models.items() for name in getattr(part, f"{kind}_names")]
+        names = renamed(kind)
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"joined: two {kind} names would be {twice[0]!r}; take other keywords")
     parts, first = list(models.values()), next(iter(models.values()))
     bodies = np.cumsum([0, *(len(part.body_names) - 1 for part in parts)])  # one world
     pads = np.cumsum([0, *(len(part.pad_names) for part in parts)])
-
-    def renamed(kind: str) -> tuple[str, ...]:
-        return tuple(f"{key}_{name}" for key, part in models.items() for name in getattr(part, f"{kind}_names"))
 
     def shifted(kind: str) -> tuple[int, ...]:
         carriers = zip(bodies, (getattr(part, f"{kind}_bodies") for part in parts), strict=False)

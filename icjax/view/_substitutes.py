@@ -21,7 +21,8 @@ LEAN = np.radians(8.0)
 def resized(shape: Shape, factor: float, about_middle: bool = False) -> Shape:
     """The shape larger by a factor, about the origin of its frame or about its own middle; a plane as it is.
 
-    **Errors**: `ValueError` for a factor that is not positive, or a shape that has no size.
+    **Errors**: `ValueError` for a factor that is not positive, or a shape that has no size (a mesh, a
+    heightfield) and a factor other than one.
     """
     if not (np.isfinite(factor) and factor > 0):
         raise ValueError(f"the factor on a size must be positive; got {factor}")
@@ -30,23 +31,18 @@ def resized(shape: Shape, factor: float, about_middle: bool = False) -> Shape:
     spread = 1.0 if about_middle else factor
     if isinstance(shape, Placed):
         moved = Pose(shape.pose.rotation, spread * shape.pose.position)
-        return Placed(resized(shape.shape, factor, about_middle=True), moved)
+        return Placed(resized(shape.shape, factor, about_middle), moved)
     if isinstance(shape, Union):
-        return Union([resized_part(part, factor) for part in shape.parts])
+        return Union([resized(part, factor) for part in shape.parts])
     own = {field.name: getattr(shape, field.name) for field in dataclasses.fields(shape)}
     grown: dict[str, Any] = {name: factor * own[name] for name in LENGTHS if name in own}
+    if not grown and factor == 1:
+        return shape
     if not grown:
         raise ValueError(f"a {type(shape).__name__.lower()} has no size to change")
     if "centre" in own:
         grown["centre"] = spread * own["centre"]
     return dataclasses.replace(shape, **grown)
-
-
-def resized_part(part: Shape, factor: float) -> Shape:
-    """Like `resized`, with the distance from the origin growing too."""
-    if isinstance(part, Placed):
-        return Placed(resized(part.shape, factor), Pose(part.pose.rotation, factor * part.pose.position))
-    return resized(part, factor)
 
 
 def lowest(shape: Shape, up: np.ndarray) -> float:

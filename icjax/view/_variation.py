@@ -93,7 +93,7 @@ def can_resize(shape: Any) -> bool:
     if isinstance(shape, Plane):
         return False
     try:
-        resized(shape, 1.0)
+        resized(shape, 2.0)
     except ValueError:
         return False
     return True

@@ -11,7 +11,7 @@ from view.example_objects import make_object_rollout
 from view.example_records import make_recording
 
 from icjax import view
-from icjax.geometry import Box, Cylinder, Placed, Plane, Prism, Sphere, Union
+from icjax.geometry import Box, Cylinder, Heightfield, Placed, Plane, Prism, Sphere, Union
 from icjax.spatial import Pose
 from icjax.synthesis import Object, Scene, Surface
 from icjax.view import Variation
@@ -20,6 +20,7 @@ from icjax.view._panel import contacts_html, status_html
 from icjax.view._playback import Playback
 from icjax.view._rerun import Rerun, Told
 from icjax.view._substitutes import SUBSTITUTES, extent, lowest
+from icjax.view._variation import can_resize
 
 UP = np.array([0.0, 0.0, 1.0])
 PATIENCE = 300.0
@@ -97,6 +98,10 @@ def test_a_union_grows_as_a_whole_and_coupled_joints_soften_together():
         given = float(bulb.shape.signed_distance(point))
         np.testing.assert_allclose(same.shape.signed_distance(point), given, atol=1e-15)
         np.testing.assert_allclose(found.shape.signed_distance(1.5 * point), 1.5 * given, atol=1e-15)
+    ground = Surface("ground", Heightfield(np.zeros((4, 4)), 0.01), 0.5)
+    assert not can_resize(ground.shape)
+    (kept,) = view.varied_scene(Scene("ground", (ground,)), Variation()).surfaces
+    np.testing.assert_array_equal(kept.shape.heights, ground.shape.heights)
     pressing = make_pressing()
     full = np.array([np.diag(row) for row in np.asarray(pressing.compliance)])
     softer = view.varied_interaction(dataclasses.replace(pressing, full_compliance=full), Variation(compliance=3.0))
