@@ -1,0 +1,12 @@
+"""Fit compliance, reference trajectory and all else that a measurement depends on, and say how sure the result is."""
+
+from icjax.fit._parameters import Parameter as Parameter
+from icjax.fit._parameters import Parameters as Parameters
+from icjax.fit._parameters import Values as Values
+from icjax.fit._problem import Measurement as Measurement
+from icjax.fit._problem import Problem as Problem
+from icjax.fit._solve import Minimum as Minimum
+from icjax.fit._solve import Progress as Progress
+from icjax.fit._solve import Solver as Solver
+from icjax.fit._solve import multi_start as multi_start
+from icjax.fit._solve import solve as solve

@@ -1,0 +1,63 @@
+"""Parameters and the measurements that depend on them, as one vector of residuals."""
+
+from typing import Any, Protocol, runtime_checkable
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from icjax.fit._parameters import Parameters, Values
+from icjax.typing import Float, Real
+
+
+@runtime_checkable
+class Measurement(Protocol):
+    """Anything that compares a model with what was measured.
+
+    `residual(values)` returns measured minus predicted in units of standard deviations, uncorrelated: whitened with
+    everything that is known of the noise, so that half the sum of squares is a negative logarithm of the likelihood.
+    A sample that does not count is exactly zero. `uses` names the parameters that it looks at.
+    """
+
+    name: str
+    uses: tuple[str, ...]
+
+    def residual(self, values: Values) -> Any:
+        """Whitened residuals at the values of the parameters, `[row]`."""
+        ...
+
+
+class Problem(eqx.Module):
+    """Minimise half the sum of squares of all residuals: the negative logarithm of the posterior.
+
+    **Fields**: `parameters`; `measurements`, static, dynamic or of contact forces, of any number of trials and
+    sessions, all seeing the same parameters.
+
+    **Errors**: `ValueError` for a measurement that uses a parameter that does not exist, or none at all.
+    """
+
+    parameters: Parameters
+    measurements: tuple[Any, ...]
+
+    def __check_init__(self):
+        known = {item.name for item in self.parameters.of}
+        if not self.measurements:
+            raise ValueError("problem: no measurement")
+        for item in self.measurements:
+            missing = [name for name in item.uses if name not in known]
+            if missing:
+                raise ValueError(
+                    f"measurement {item.name!r} needs the parameter {missing[0]!r}; there are {', '.join(sorted(known))}"
+                )
+
+    def data(self, x: Float[Real, " n"]) -> Float[Real, " row"]:
+        """Residuals of the measurements."""
+        values = self.parameters.values(x)
+        return jnp.concatenate([item.residual(values) for item in self.measurements])
+
+    def residual(self, x: Float[Real, " n"]) -> Float[Real, " row"]:
+        """Residuals of the measurements, then of the priors."""
+        return jnp.concatenate([self.data(x), self.parameters.prior(x)])
+
+    def cost(self, x: Float[Real, " n"]) -> Float[Real, ""]:
+        """Half the sum of squares."""
+        return 0.5 * jnp.sum(self.residual(x) ** 2)

@@ -1,0 +1,217 @@
+"""Minimise a problem: progress, cancellation, checkpoint, many starts."""
+
+import os
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+
+from icjax.fit._bounded import bounded
+from icjax.fit._problem import Problem
+from icjax.results import RESULTS, Solution
+from icjax.typing import Float, Real
+
+Solver = Literal["levenberg_marquardt", "bfgs", "lbfgsb"]
+
+
+class Progress(NamedTuple):
+    """What a listener is told after every step: of all stages, `stage` counts from zero; `remaining` s at this pace."""
+
+    stage: int
+    step: int
+    cost: float
+    seconds: float
+    remaining: float
+
+
+class Minimum(eqx.Module):
+    """Where a solver ended: `x`, `cost` (half the sum of squares), `gradient` there."""
+
+    x: Float[Real, " n"]
+    cost: Float[Real, ""]
+    gradient: Float[Real, " n"]
+
+
+def solve(
+    problem: Problem | Sequence[Problem],
+    start: Float[Real, " n"] | None = None,
+    *,
+    solver: Solver = "levenberg_marquardt",
+    tolerance: float = 1e-8,
+    max_steps: int = 100,
+    progress: Callable[[Progress], Any] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+    checkpoint: str | os.PathLike | None = None,
+) -> Solution[Minimum]:
+    """Minimise half the sum of squares of a problem's residuals.
+
+    Several problems with the same parameters are solved one after the other, each from where the last ended: from a
+    smoothed contact, whose derivative sees contacts before they touch, to the exact one.
+
+    **Arguments**
+
+    - `problem`: or a sequence of them. `start`: x, default the nominal values.
+    - `solver`: "levenberg_marquardt" (optimistix; uses that the cost is a sum of squares), "bfgs" (optimistix; needs
+      only gradients), "lbfgsb" (jaxopt; within the bounds that `Logistic` transforms do not cover: x within 20 of the
+      start).
+    - `tolerance`: relative, of x and of the cost. `max_steps`: of every stage.
+    - `progress`: told a `Progress` after every step. `cancelled`: asked before each; the best x so far is returned
+      with the result `not_converged`.
+    - `checkpoint`: file, complete or not at all, that holds stage and x after every step; a later call goes on from
+      it, and it is removed at the end. It starts the step's damping anew.
+
+    **Returns** `result` `solved`, `not_converged` (steps, cancelled) or `invalid_input` (a residual that is not
+    finite at the start); `stats` has `steps`, `evaluations` and `seconds`.
+
+    **Errors**: `ValueError` for a start of the wrong length, and for a checkpoint of another problem.
+    """
+    stages = (problem,) if isinstance(problem, Problem) else tuple(problem)
+    if not stages:
+        raise ValueError("problem: an empty sequence")
+    size = stages[0].parameters.size
+    x = stages[0].parameters.start if start is None else jnp.asarray(start)
+    if x.shape != (size,):
+        raise ValueError(f"start has the shape {x.shape}; the parameters that are not frozen have {size} numbers")
+    if solver not in ("levenberg_marquardt", "bfgs", "lbfgsb"):
+        raise ValueError(f"solver = {solver!r}: must be 'levenberg_marquardt', 'bfgs' or 'lbfgsb'")
+    begin, steps, evaluations, first = time.perf_counter(), 0, 0, 0
+    result = RESULTS.solved
+    if checkpoint is not None and Path(checkpoint).is_file():
+        first, x = _read(Path(checkpoint), size)
+    run = bounded if solver == "lbfgsb" else _stepwise
+    for number, stage in enumerate(stages):
+        if number < first:
+            continue
+        if not np.isfinite(float(_cost(stage, x))):
+            result = RESULTS.invalid_input
+            break
+
+        def told(x, cost, step, number=number):
+            if checkpoint is not None:
+                _write(Path(checkpoint), number, np.asarray(x))
+            if progress is not None:
+                spent = time.perf_counter() - begin
+                left = (len(stages) - number) * max_steps - step
+                progress(Progress(number, step, cost, spent, spent / (number * max_steps + step) * left))
+
+        x, done, count = run(stage, x, solver, tolerance, max_steps, told, cancelled or (lambda: False))
+        steps, evaluations = steps + count, evaluations + count + 1
+        result = RESULTS.solved if done else RESULTS.not_converged
+        if cancelled is not None and cancelled() and not done:
+            break
+    cost, gradient = _cost_and_gradient(stages[-1], x)
+    if result == RESULTS.solved and checkpoint is not None:
+        Path(checkpoint).unlink(missing_ok=True)
+    stats = {"steps": steps, "evaluations": evaluations, "seconds": time.perf_counter() - begin}
+    return Solution(value=Minimum(x, cost, gradient), result=result, stats=stats)
+
+
+def multi_start(
+    problem: Problem,
+    starts: Float[Real, "start n"],
+    *,
+    tolerance: float = 1e-8,
+    max_steps: int = 100,
+    batch: int | None = None,
+) -> Solution[Minimum]:
+    """Levenberg-Marquardt from many starts at once (`vmap`).
+
+    **Arguments**: `starts` x of each; `batch` how many at once, default all.
+
+    **Returns** a batched `Solution`: `value.x` `[start, n]`, `result` of each; take the least `cost` of the solved.
+    """
+
+    def one(x):
+        found = optx.least_squares(
+            lambda x, problem: problem.residual(x),
+            optx.LevenbergMarquardt(tolerance, tolerance),
+            x,
+            problem,
+            max_steps=max_steps,
+            throw=False,
+        )
+        good = (found.result == optx.RESULTS.successful) & jnp.all(jnp.isfinite(found.value))
+        cost, gradient = jax.value_and_grad(problem.cost)(found.value)
+        result = RESULTS.where(good, RESULTS.solved, RESULTS.not_converged)
+        return Minimum(found.value, cost, gradient), result, found.stats["num_steps"]
+
+    @eqx.filter_jit
+    def all_of_them(starts):
+        if batch is None:
+            return eqx.filter_vmap(one)(starts)
+        return jax.lax.map(one, starts, batch_size=batch)
+
+    value, result, steps = all_of_them(jnp.asarray(starts))
+    return Solution(value=value, result=result, stats={"steps": steps})
+
+
+def _stepwise(problem, x, solver, tolerance, max_steps, told, cancelled):
+    """optimistix, one compiled step at a time."""
+    method: Any = (
+        optx.LevenbergMarquardt(tolerance, tolerance)
+        if solver == "levenberg_marquardt"
+        else optx.BFGS(tolerance, tolerance)
+    )
+    least = solver == "levenberg_marquardt"
+
+    def function(x, problem):
+        return (problem.residual(x), None) if least else (problem.cost(x), None)
+
+    shape = jax.eval_shape(lambda x: function(x, problem)[0], x)
+    state = method.init(function, x, problem, {}, shape, None, frozenset())
+
+    @eqx.filter_jit
+    def advance(problem, x, state):
+        x, state, _ = method.step(function, x, problem, {}, state, frozenset())
+        done, result = method.terminate(function, x, problem, {}, state, frozenset())
+        return x, state, done, result == optx.RESULTS.successful, problem.cost(x)
+
+    for step in range(1, max_steps + 1):
+        if cancelled():
+            return x, False, step - 1
+        x, state, done, well, cost = advance(problem, x, state)
+        told(x, float(cost), step)
+        if bool(done):
+            return x, bool(well), step
+    return x, False, max_steps
+
+
+@eqx.filter_jit
+def _cost(problem, x):
+    return problem.cost(x)
+
+
+@eqx.filter_jit
+def _cost_and_gradient(problem, x):
+    return jax.value_and_grad(problem.cost)(x)
+
+
+def _write(path: Path, stage: int, x: np.ndarray) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            np.savez(file, stage=stage, x=x)
+        os.replace(temporary, path)
+    finally:
+        Path(temporary).unlink(missing_ok=True)
+
+
+def _read(path: Path, size: int) -> tuple[int, jax.Array]:
+    try:
+        with np.load(path) as stored:
+            stage, x = int(stored["stage"]), np.asarray(stored["x"])
+    except (OSError, ValueError, KeyError, EOFError) as error:
+        raise ValueError(f"checkpoint {path} cannot be read: {error}; remove it to start anew") from error
+    if x.shape != (size,):
+        raise ValueError(
+            f"checkpoint {path} has {x.size} numbers, this problem {size}; it belongs to another: remove it"
+        )
+    return stage, jnp.asarray(x)
