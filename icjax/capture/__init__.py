@@ -18,6 +18,7 @@ from icjax.capture._check import check as check
 from icjax.capture._check_recording import check_recording as check_recording
 from icjax.capture._film_calibration import calibrate as calibrate
 from icjax.capture._film_calibration import write_curves as write_curves
+from icjax.capture._filters import lowpass as lowpass
 from icjax.capture._fsr import Curve as Curve
 from icjax.capture._fsr import fit_curve as fit_curve
 from icjax.capture._fsr import read_curves as read_curves

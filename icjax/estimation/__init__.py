@@ -38,7 +38,9 @@ from icjax.estimation._smooth_motion import Motion as Motion
 from icjax.estimation._smooth_motion import smooth_motion as smooth_motion
 from icjax.estimation._summary import pool as pool
 from icjax.estimation._summary import summarise as summarise
+from icjax.estimation._torque import body_index as body_index
 from icjax.estimation._torque import contact_torque as contact_torque
 from icjax.estimation._torque import joint_torque as joint_torque
 from icjax.estimation._torque_error import TorqueDeviation as TorqueDeviation
 from icjax.estimation._torque_error import torque_deviation as torque_deviation
+from icjax.estimation._torque_error import torque_derivatives as torque_derivatives

@@ -1,5 +1,7 @@
 """The bounded alternative: L-BFGS-B by jaxopt."""
 
+import warnings
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -11,7 +13,9 @@ REACH = 20.0
 
 def bounded(problem, x, solver, tolerance, max_steps, told, cancelled):
     """L-BFGS-B within `REACH` of the start; see `solve`."""
-    import jaxopt
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        import jaxopt
 
     static, dynamic = eqx.partition(problem, lambda leaf: not eqx.is_array(leaf))
 

@@ -46,7 +46,8 @@ class Problem(eqx.Module):
             missing = [name for name in item.uses if name not in known]
             if missing:
                 raise ValueError(
-                    f"measurement {item.name!r} needs the parameter {missing[0]!r}; there are {', '.join(sorted(known))}"
+                    f"measurement {item.name!r} needs the parameter {missing[0]!r}; "
+                    f"there are {', '.join(sorted(known))}"
                 )
 
     def data(self, x: Float[Real, " n"]) -> Float[Real, " row"]:

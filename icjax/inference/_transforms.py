@@ -2,13 +2,15 @@
 
 import math
 from abc import abstractmethod
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
-from icjax.typing import Float, Int, Real
+from icjax.typing import Float, Real
 
 
 class Transform(eqx.Module):
@@ -179,7 +181,7 @@ class Synergies(Transform):
         return jnp.concatenate([jnp.log(0.01 * share), jnp.log(diagonal)])
 
 
-def tied(groups: Int[Real, " entry"], of: Transform | None = None) -> Tied:
+def tied(groups: Any, of: Transform | None = None) -> Tied:
     """`Tied` from an array of labels of any kind, numbered in the order in which they appear."""
     labels = list(dict.fromkeys(np.asarray(groups).tolist()))
     return Tied(tuple(labels.index(label) for label in np.asarray(groups).tolist()), of or Log())
@@ -187,7 +189,7 @@ def tied(groups: Int[Real, " entry"], of: Transform | None = None) -> Tied:
 
 def _refuse(value, allowed, text) -> None:
     """Known values are checked; tracers are not."""
-    if isinstance(value, jax.core.Tracer):
+    if isinstance(value, Tracer):
         return
     known = np.asarray(value, float)
     if not (np.isfinite(known).all() and np.all(allowed(known))):

@@ -1,0 +1,111 @@
+"""Dynamic equilibrium in the deviation from the contact-free movement: a model of the first 100 ms of a contact."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from icjax.fit._parameters import Values
+from icjax.typing import Float, Int, Real
+
+
+class DynamicEquilibrium(eqx.Module):
+    """Angles after contact against those of repetitions without it.
+
+    With e = q - q_ref the deviation from the movement that would have gone on,
+
+        M e'' + (N + B) e' + (G + K) e = J^T f,    K = C^-1,    B = T K (joint by joint),
+
+    M, N and G the derivatives of the inverse dynamics by acceleration, velocity and angle at the measured movement (so
+    that inertia of the planned movement, Coriolis and gravity terms at q_ref and q are accounted for to first order),
+    each a sum over segments of a mass factor times the segment's own. e is integrated by the implicit midpoint rule at
+    the rate of the recording from rest before the contact. What is compared,
+
+        y = q - mean of the repetitions - e = (deviation of both from what was intended) + noise,
+
+    has the covariance that the repetitions themselves show, and is whitened with it; the samples before contact hold
+    the repetitions against the trial.
+
+    **Fields** (events padded to one length; all of one session)
+
+    - `step` s; `torque` Nm, `torque_rate`, `by_offset` (its derivative by offsets) of every frame;
+      `inertia` three arrays [event, frame, segment, dof, dof]; `armature` [dof].
+    - `frames` [event, sample]: frames that are compared; `difference` rad [event, sample, dof]: trial less repetitions;
+      `whitening` [event, n, n]: inverse of the Cholesky factor of its covariance, zero rows where nothing is compared.
+
+    **Uses** "compliance" (diagonal `[dof]` or full `[dof, dof]`), "damping time" `[dof]`, "inertia" `[segment]`,
+    "offsets" `[offset]` in units of its prior (`offset_factor` its Cholesky factor), "sensor gain" and "sensor delay".
+
+    Source: the deviation form of Kry and Pai 2006, section 4.3; the whitening is ours.
+    """
+
+    name: str = eqx.field(static=True)
+    step: float = eqx.field(static=True)
+    torque: Float[Real, "event frame dof"]
+    torque_rate: Float[Real, "event frame dof"]
+    by_offset: Float[Real, "event frame dof offset"]
+    inertia: tuple[Any, Any, Any]
+    armature: Float[Real, " dof"]
+    offset_factor: Float[Real, "offset offset"]
+    frames: Int[Real, "event sample"]
+    difference: Float[Real, "event sample dof"]
+    whitening: Float[Real, "event n n"]
+    uses: tuple[str, ...] = eqx.field(
+        static=True, default=("compliance", "damping time", "inertia", "offsets", "sensor gain", "sensor delay")
+    )
+
+    def deviation(self, values: Values) -> Float[Real, "event frame dof"]:
+        """e of every event and frame, rad."""
+        offset = jnp.asarray(self.offset_factor) @ values["offsets"]
+        torque = values["sensor gain"] * (
+            jnp.asarray(self.torque)
+            + jnp.einsum("etij,j->eti", jnp.asarray(self.by_offset), offset)
+            - values["sensor delay"] * jnp.asarray(self.torque_rate)
+        )
+        inertia = tuple(jnp.einsum("etsij,s->etij", jnp.asarray(part), values["inertia"]) for part in self.inertia)
+        return jax.vmap(lambda parts, tau: response(parts, tau, values, self.armature, self.step))(inertia, torque)
+
+    def residual(self, values: Values) -> Float[Real, " row"]:
+        """Whitened `[event * sample * dof]`."""
+        deviation = self.deviation(values)
+        left = jnp.asarray(self.difference) - jax.vmap(lambda e, at: e[at])(deviation, jnp.asarray(self.frames))
+        flat = left.reshape(left.shape[0], -1)
+        return jnp.ravel(jnp.einsum("eij,ej->ei", jnp.asarray(self.whitening), flat))
+
+
+def response(
+    inertia: tuple[Any, Any, Any], torque: Float[Real, "frame dof"], values: Values, armature: Any, step: float
+) -> Float[Real, "frame dof"]:
+    """e of a torque by the implicit midpoint rule, from rest at the first frame.
+
+    **Arguments**: `inertia` (G, N, M) of every frame; `values` with "compliance" and "damping time"; `step` s.
+    """
+    C = values["compliance"]
+    K = jnp.diag(1.0 / C) if C.ndim == 1 else jnp.linalg.inv(C)
+    B = jnp.diag(values["damping time"] * jnp.diagonal(K))
+    stiffness, damping, mass = (0.5 * (part[1:] + part[:-1]) for part in inertia)
+    tau = 0.5 * (torque[1:] + torque[:-1])
+
+    def advance(carry, now):
+        e, v = carry
+        G, N, M, push = now
+        S, D, M = G + K, N + B, M + jnp.diag(jnp.asarray(armature))
+        a = jnp.linalg.solve(M + 0.5 * step * D + 0.25 * step**2 * S, push - D @ v - S @ (e + 0.5 * step * v))
+        after = v + step * a
+        e = e + 0.5 * step * (v + after)
+        return (e, after), e
+
+    still = jnp.zeros(torque.shape[1], torque.dtype)
+    _, e = jax.lax.scan(advance, (still, still), (stiffness, damping, mass, tau))
+    return jnp.concatenate([still[None], e])
+
+
+def whitener(covariance: np.ndarray, used: np.ndarray) -> np.ndarray:
+    """Inverse of the Cholesky factor of a covariance [n, n] on the rows that are used, zero elsewhere."""
+    rows = np.flatnonzero(used)
+    result = np.zeros_like(covariance)
+    factor = np.linalg.cholesky(covariance[np.ix_(rows, rows)])
+    result[np.ix_(rows, rows)] = np.linalg.inv(factor)
+    return result

@@ -1,0 +1,53 @@
+"""What a user may choose about a fit, checked when it is chosen."""
+
+import dataclasses
+import math
+
+LONGEST_AFTER = 1.0
+"""s; ten times the delay of a spinal reflex."""
+
+
+@dataclasses.dataclass(frozen=True)
+class FitOptions:
+    """Choices of the fit of compliance to the dynamic response after contact.
+
+    The defaults come from what the method assumes and from how instruments and people behave in general, not from any
+    known answer: up to about 100 ms after a contact muscles act as they were set beforehand (reflexes), a voluntary
+    approach lasts about a quarter of a second, hands weigh what textbooks say to within a factor of two, joints are
+    damped at a ratio of a third to critical or above.
+
+    **Arguments**
+
+    - `after`: s after the onset that are compared; `before`: s before it, which hold the repetitions against the trial;
+      `settle`: s after a release in which the last contact still rings.
+    - `spacing`: s between compared samples; markers are filtered at 20 Hz, closer ones say nothing new.
+    - `compliance_sd`: of log C about the model's own value (or `typical_compliance` rad/Nm where it states none).
+    - `damping_time`, `damping_time_sd`: s, B = T / C, and the deviation of log T.
+    - `inertia_sd`: of the logarithm of a segment's mass (its inertia with it).
+    - `shift_sd`: s, by which a repetition's movement may start earlier or later.
+    - `widest`: an interval whose ends differ by more than this factor is refused: the joint has no number, only bounds.
+
+    **Errors**: `ValueError` naming the argument and its value.
+    """
+
+    after: float = 0.1
+    before: float = 0.25
+    settle: float = 0.15
+    spacing: float = 0.008
+    typical_compliance: float = 0.5
+    compliance_sd: float = 1.0
+    damping_time: float = 0.03
+    damping_time_sd: float = 0.7
+    inertia_sd: float = 0.5
+    shift_sd: float = 0.015
+    widest: float = 4.0
+
+    def __post_init__(self):
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{field.name} = {value}: must be above zero and finite")
+        if self.after > LONGEST_AFTER:
+            raise ValueError(f"after = {self.after}: at most {LONGEST_AFTER:g} s (reflexes act after 0.1 s)")
+        if self.widest <= 1.0:
+            raise ValueError(f"widest = {self.widest}: must be above 1")

@@ -1,0 +1,132 @@
+"""How far two repetitions of a movement drift apart: a Gaussian process, learnt where nothing touches."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import minimize
+
+from icjax.typing import Float
+
+FAST, SLOW = 0.04, 0.3
+"""s, length scales: tremor at 3 to 12 Hz, and the wandering of a movement repeated."""
+
+TYPICAL = np.radians([0.05, 0.2])
+"""rad, amplitudes of both about which the prior lies, within a factor of five."""
+
+JITTER = 1e-6
+"""rad; added to every sample, far below any marker's noise."""
+
+
+class Variability(NamedTuple):
+    """Variance of a repetition about the intended movement: `amplitude` [2, dof], rad, of the fast and slow process.
+
+    `inflation` multiplies the covariance so that repetitions predicted from each other miss as much as it says.
+    """
+
+    amplitude: Float[np.ndarray, "2 dof"]
+    inflation: float
+
+
+class Curve(NamedTuple):
+    """A difference of two repetitions: `s` s [sample], `difference` rad [sample, dof], `rates` of the shifts."""
+
+    s: Float[np.ndarray, " sample"]
+    difference: Float[np.ndarray, "sample dof"]
+    rates: tuple[Float[np.ndarray, "sample dof"], ...]
+
+
+def matern(lag: Float[np.ndarray, "..."], length: float) -> Float[np.ndarray, "..."]:
+    """Correlation (1 + x + x^2 / 3) exp(-x), x = sqrt(5) lag / length: twice differentiable in mean square.
+
+    Source: Rasmussen and Williams 2006, Gaussian processes for machine learning, Eq. 4.17.
+    """
+    x = np.sqrt(5.0) * np.abs(lag) / length
+    return (1.0 + x + x**2 / 3.0) * np.exp(-x)
+
+
+def covariance(
+    s: Float[np.ndarray, " sample"],
+    variability: Variability,
+    noise: Float[np.ndarray, "dof dof"],
+    correlation: Float[np.ndarray, "sample sample"],
+) -> Float[np.ndarray, "sample dof sample dof"]:
+    """Of one repetition's angles about the intended movement: fast and slow process, and the instrument's noise.
+
+    **Arguments**: `noise` covariance of the angles at a frame, `correlation` of that noise between samples.
+    """
+    count, dofs = len(s), len(noise)
+    lag = s[:, None] - s[None, :]
+    fast, slow = matern(lag, FAST), matern(lag, SLOW)
+    full = np.einsum("st,ij->sitj", correlation, noise)
+    for joint in range(dofs):
+        a, b = variability.amplitude[:, joint] ** 2
+        full[:, joint, :, joint] += a * fast + b * slow
+    full = full.reshape(count * dofs, count * dofs)
+    full[np.diag_indices(count * dofs)] += JITTER**2
+    return variability.inflation * full.reshape(count, dofs, count, dofs)
+
+
+def learn(
+    curves: list[Curve],
+    noise: Float[np.ndarray, "dof dof"],
+    correlations: list[np.ndarray],
+    shift_sd: float,
+    onset: float = 0.0,
+) -> Variability:
+    """Amplitudes of greatest posterior density from differences of repetitions, then how well they predict.
+
+    A difference of two has twice the covariance. Joints are taken one by one. `inflation` is the mean square of the
+    whitened differences after s = `onset` given those before, at least one.
+
+    **Errors**: `ValueError` without any curve.
+    """
+    if not curves:
+        raise ValueError("no stretch in which a trial and a repetition, or two repetitions, are free of contact")
+    dofs = len(noise)
+    amplitude = np.empty((2, dofs))
+    for joint in range(dofs):
+        parts = [
+            _one_joint(curve, joint, noise[joint, joint], rho, shift_sd)
+            for curve, rho in zip(curves, correlations, strict=True)
+        ]
+
+        def cost(x, parts=parts):
+            a, b = np.exp(2 * x)
+            total, gradient = (
+                0.5 * np.sum(((x - np.log(TYPICAL)) / np.log(5.0)) ** 2),
+                (x - np.log(TYPICAL)) / np.log(5.0) ** 2,
+            )
+            for y, fast, slow, rest in parts:
+                K = 2.0 * (a * fast + b * slow) + rest
+                inverse = np.linalg.inv(K)
+                z = inverse @ y
+                total += 0.5 * (y @ z + np.linalg.slogdet(K)[1])
+                W = inverse - np.outer(z, z)
+                gradient = gradient + np.array([2.0 * a * np.sum(W * fast), 2.0 * b * np.sum(W * slow)])
+            return total, gradient
+
+        found = minimize(cost, np.log(TYPICAL), jac=True, method="L-BFGS-B", bounds=[(-14.0, 0.0)] * 2)
+        amplitude[:, joint] = np.exp(found.x)
+    plain = Variability(amplitude, 1.0)
+    return Variability(amplitude, max(1.0, _missed(curves, plain, noise, correlations, shift_sd, onset)))
+
+
+def _one_joint(curve, joint, noise, correlation, shift_sd):
+    lag = curve.s[:, None] - curve.s[None, :]
+    rest = 2.0 * noise * correlation + JITTER**2 * np.eye(len(curve.s))
+    for rate in curve.rates:
+        rest = rest + shift_sd**2 * np.outer(rate[:, joint], rate[:, joint])
+    return curve.difference[:, joint], matern(lag, FAST), matern(lag, SLOW), rest
+
+
+def _missed(curves, variability, noise, correlations, shift_sd, onset) -> float:
+    """Mean square of what the covariance says should have unit variance, after the onset given before."""
+    squares, count = 0.0, 0
+    for curve, rho in zip(curves, correlations, strict=True):
+        K = 2.0 * covariance(curve.s, variability, noise, rho).reshape(curve.difference.size, -1)
+        for rate in curve.rates:
+            K = K + shift_sd**2 * np.outer(rate.ravel(), rate.ravel())
+        white = np.linalg.solve(np.linalg.cholesky(K), curve.difference.ravel()).reshape(curve.difference.shape)
+        after = curve.s > onset  # whitening in the order of time conditions every sample on those before
+        squares, count = squares + float(np.sum(white[after] ** 2)), count + int(np.sum(after)) * white.shape[1]
+    return squares / count if count else 1.0

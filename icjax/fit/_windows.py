@@ -1,0 +1,246 @@
+"""The time around every contact, cut out of a session: angles, torque and inertia of the compliant joints."""
+
+import json
+from functools import partial
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from icjax.capture import lowpass
+from icjax.estimation import Motion as SmoothMotion
+from icjax.estimation import body_index, compliant_dofs, joint_torque, smooth_motion, torque_derivatives
+from icjax.fit._options import FitOptions
+from icjax.model import Model, integrate, inverse_dynamics, neutral
+from icjax.recording import Recording
+from icjax.running import on_full_blocks
+from icjax.typing import Float, Real
+
+INERTIA_EVERY = 0.024
+"""s between the frames at which inertia is computed; posture changes little in that time, between them it is linear."""
+
+MOST_SEGMENTS = 6
+"""Above this many moving segments one common factor scales all masses."""
+
+POINT_SD = 0.5e-3
+"""m; how well the place of a force sensor is known in the frame of the cameras, per axis."""
+
+FALLBACK_CUTOFF = 20.0
+"""Hz, of the derivatives of angles where a recording does not say how it was filtered."""
+
+
+class Motion(NamedTuple):
+    """One recording as the fit needs it, at its own rate, compliant degrees of freedom only.
+
+    - `angle`, `torque` [time, dof]; the torque is filtered as the angles are.
+    - `by_offset` [time, dof, offset]: derivative of the torque by what is wrong all the time: offsets of all
+      coordinates of the model, then places of the contacts (three a contact, world axes).
+    - `noise` [dof, dof]: covariance of the frame-to-frame error of the angles; `correlation` [lag]: its
+      autocorrelation from the filter, lag in frames.
+    - `offset` [offset, offset]: covariance of these; `offset_names` of each.
+    """
+
+    recording: Recording
+    dofs: tuple[int, ...]
+    angle: np.ndarray
+    torque: np.ndarray
+    by_offset: np.ndarray
+    noise: np.ndarray
+    correlation: np.ndarray
+    offset: np.ndarray
+    offset_names: tuple[str, ...]
+    valid: np.ndarray
+
+
+def motion_of(recording: Recording, dofs: tuple[int, ...]) -> Motion:
+    """Angles and torque of a recording in one bandwidth.
+
+    **Errors**: `ValueError` for a compliant joint that is no hinge or slide, or a recording without contact forces.
+    """
+    model, columns = recording.model, list(dofs)
+    cutoff = _cutoff(recording)
+    rate = recording.rate
+    coordinates = _coordinates(model, dofs)
+    finite: np.ndarray = np.asarray(np.all(np.isfinite(np.asarray(recording.q)), axis=1))
+    valid = np.asarray(recording.valid) & finite
+    angle = np.asarray(recording.q)[:, coordinates]
+    torque = np.nan_to_num(np.asarray(joint_torque(recording))[:, columns])
+    by_offset = _torque_by_offset(recording)[:, columns]
+    correlation = np.zeros(len(recording.time))
+    correlation[0] = 1.0
+    if cutoff is not None:
+        torque, by_offset = lowpass(torque, rate, cutoff), lowpass(by_offset, rate, cutoff)
+        impulse = np.zeros(4 * len(recording.time))
+        impulse[2 * len(recording.time)] = 1.0
+        response = np.fft.rfft(lowpass(impulse, rate, cutoff))
+        power = np.fft.irfft(np.abs(response) ** 2)
+        correlation = power[: len(recording.time)] / power[0]
+    covariance = np.asarray(recording.q_covariance, float)[valid][:, columns][:, :, columns]
+    offset = recording.q_offset_covariance
+    offset = np.diag(np.asarray(recording.q_offset_sd) ** 2) if offset is None else np.asarray(offset)
+    places = tuple(f"{contact} {axis}" for contact in recording.contact_names for axis in "xyz")
+    whole = np.zeros((model.nv + len(places),) * 2)
+    whole[: model.nv, : model.nv] = offset
+    whole[model.nv :, model.nv :] = POINT_SD**2 * np.eye(len(places))
+    return Motion(
+        recording, dofs, angle, torque, by_offset, np.nanmean(covariance, axis=0), correlation, whole,
+        (*model.dof_names, *places), valid,
+    )  # fmt: skip
+
+
+def fitted_dofs(model: Model) -> tuple[int, ...]:
+    """Degrees of freedom whose compliance is fitted: those of `compliant_dofs`."""
+    return tuple(compliant_dofs(model))
+
+
+def linear_inertia(
+    model: Model, groups: np.ndarray, dofs: tuple[int, ...], q: Real, v: Real, a: Real
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Derivatives of the inverse dynamics by angle, velocity and acceleration, for every group of bodies alone.
+
+    The torque of a movement is linear in the masses, ID = sum_g s_g ID_g, so its derivatives are too. With e the
+    deviation from the contact-free movement, ID(q) - ID(q - e) = A2 e'' + A1 e' + A0 e to first order: the mass matrix,
+    Coriolis and gravity terms.
+
+    **Arguments**: `groups` [body], -1 for bodies that no fitted joint moves; `q`, `v`, `a` `[time, ...]`.
+
+    **Returns** A0, A1, A2 `[time, group, dof, dof]`. Source: Kry and Pai 2006, Eq. 3.
+    """
+    count = int(groups.max()) + 1
+    masks = np.stack([groups == group for group in range(count)]).astype(float)
+    parts = _derivatives(model, tuple(dofs), jnp.asarray(masks), *(jnp.asarray(x) for x in (q, v, a)))
+    return tuple(np.asarray(part) for part in parts)  # type: ignore[return-value]
+
+
+@eqx.filter_jit
+def _derivatives(model: Model, dofs: tuple[int, ...], masks, q, v, a):
+    columns = np.asarray(dofs)
+    into = jnp.zeros((len(dofs), model.nv)).at[np.arange(len(dofs)), columns].set(1.0)
+
+    def at(frame):
+        q, v, a = frame
+
+        def group(mask):
+            part = eqx.tree_at(
+                lambda m: (m.body_mass, m.body_inertia, m.armature),
+                model,
+                (
+                    mask * jnp.asarray(model.body_mass),
+                    mask[:, None, None] * jnp.asarray(model.body_inertia),
+                    jnp.zeros(model.nv),
+                ),
+            )
+
+            def torque(x):
+                dq, dv, da = x @ into
+                return inverse_dynamics(part, integrate(part, q, dq), v + dv, a + da)[columns]
+
+            return jnp.moveaxis(jax.jacfwd(torque)(jnp.zeros((3, len(dofs)))), 1, 0)
+
+        return jnp.moveaxis(jax.vmap(group)(masks), 1, 0)
+
+    return tuple(jnp.moveaxis(jax.lax.map(at, (q, v, a), batch_size=64), 1, 0))
+
+
+def segment_groups(model: Model, dofs: tuple[int, ...]) -> tuple[np.ndarray, tuple[str, ...]]:
+    """For every body the number of the mass factor that scales it, and the factors' names."""
+    moved: np.ndarray = np.asarray(np.any(model.path_mask[:, list(dofs)], axis=1))
+    moved = moved & (np.asarray(model.body_mass) > 0)
+    groups = np.full(len(model.body_names), -1)
+    if moved.sum() > MOST_SEGMENTS:
+        groups[moved] = 0
+        return groups, ("all segments",)
+    groups[moved] = np.arange(moved.sum())
+    return groups, tuple(model.body_names[body] for body in np.flatnonzero(moved))
+
+
+def smoothed(motion: Motion) -> SmoothMotion:
+    """The whole movement with velocity and acceleration, smoothed as it was filtered."""
+    recording = motion.recording
+    cutoff = _cutoff(recording) or FALLBACK_CUTOFF
+    return smooth_motion(recording.model, recording.time, recording.q, cutoff, motion.valid)
+
+
+def inertia_along(
+    motion: Motion, movement: SmoothMotion, groups: np.ndarray, frames: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A0, A1, A2 of `linear_inertia` at frames of a recording, linear between every `INERTIA_EVERY` s."""
+    stride = max(1, round(INERTIA_EVERY * motion.recording.rate))
+    coarse = np.unique(np.append(np.arange(0, len(frames), stride), len(frames) - 1))
+    q, v, a = (np.asarray(x)[frames[coarse]] for x in movement)
+    lost: np.ndarray = np.asarray(np.any(np.isnan(np.concatenate([q, v, a], axis=1)), axis=1))
+    q = np.where(lost[:, None], np.asarray(neutral(motion.recording.model))[None], q)
+    v, a = (np.where(lost[:, None], 0.0, x) for x in (v, a))
+    parts = on_full_blocks(partial(linear_inertia, motion.recording.model, groups, motion.dofs), q, v, a, block=16)
+    return tuple(_between(coarse, part, len(frames)) for part in parts)  # type: ignore[return-value]
+
+
+def contact_frames(motion: Motion, event: int, options: FitOptions) -> tuple[int, int, int]:
+    """First frame, frame of the onset and last frame of an event's window; an empty one where it is too short."""
+    recording = motion.recording
+    events, rate = recording.events, recording.rate
+    onset, release = np.asarray(events.onset, float), np.asarray(events.release, float)
+    here, begin = onset[event], float(np.asarray(recording.time)[0])
+    others = np.arange(len(onset)) != event
+    earlier = others & (onset <= here)
+    ended = np.where(np.isnan(release), np.inf, release)
+    free_from = np.max(ended[earlier], initial=begin - options.settle) + options.settle
+    until = np.min(onset[others & (onset > here)], initial=np.inf)
+    until = min(until, ended[event], here + options.after, float(np.asarray(recording.time)[-1]))
+    first = int(np.ceil((max(here - options.before, free_from) - begin) * rate))
+    last = int(np.floor((until - begin) * rate))
+    return first, round((here - begin) * rate), last
+
+
+def _between(coarse: np.ndarray, values: np.ndarray, count: int) -> Float[np.ndarray, "time ..."]:
+    """Linear interpolation along the first axis."""
+    from scipy.interpolate import make_interp_spline
+
+    if len(coarse) < 2:
+        return np.repeat(values, count, axis=0)
+    return make_interp_spline(coarse, values, k=1)(np.arange(count))
+
+
+def _torque_by_offset(recording: Recording) -> Float[np.ndarray, "time dof offset"]:
+    bodies = tuple(body_index(recording.model, name) for name in recording.contact_bodies)
+    on = np.flatnonzero(np.asarray(recording.touching).any(axis=1))
+    nv = recording.model.nv
+    result = np.zeros((len(recording.time), nv, nv + 3 * len(recording.contact_names)))
+    if on.size:
+        rows = (recording.q, recording.contact_force, recording.contact_point, recording.contact_moment)
+        arrays = [np.nan_to_num(np.asarray(row)[on]) for row in rows] + [np.asarray(recording.touching)[on]]
+        result[on] = np.asarray(_all_by_offset(recording.model, bodies, *arrays))
+    return result
+
+
+@eqx.filter_jit
+def _all_by_offset(model, bodies, *rows):
+    def at(row):
+        D, _, P = torque_derivatives(model, bodies, *row)
+        return jnp.concatenate([D, P.reshape(P.shape[0], -1)], axis=1)
+
+    return jax.lax.map(at, rows, batch_size=1024)
+
+
+def _coordinates(model: Model, dofs: tuple[int, ...]) -> list[int]:
+    found = []
+    for kind, at, span, name in zip(
+        model.joint_types, model.coordinate_slices, model.dof_slices, model.joint_names, strict=True
+    ):
+        wanted = [dof for dof in dofs if span.start <= dof < span.stop]
+        if wanted and kind not in ("hinge", "slide"):
+            raise ValueError(f"joint {name!r} is a {kind} joint; a fit takes hinges and slides only")
+        found += [at.start + dof - span.start for dof in wanted]
+    return found
+
+
+def _cutoff(recording: Recording) -> float | None:
+    """Hz at which the recording's angles were filtered, None where they were not or it is not known."""
+    try:
+        said = json.loads(recording.provenance).get("filter_hz", {})
+    except (ValueError, AttributeError):
+        return None
+    cutoff = said.get("markers") if len(recording.marker_names) else said.get("angles")
+    return float(cutoff) if cutoff and cutoff < 0.38 * recording.rate else None

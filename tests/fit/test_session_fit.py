@@ -1,0 +1,69 @@
+"""A recorded session to compliances with intervals, judged by the laboratory's truth."""
+
+import dataclasses
+
+import jax
+import numpy as np
+import pytest
+
+from icjax.capture import capture, read_session
+from icjax.fit import FitOptions, fit_session, session_problem
+from icjax.laboratory import record
+
+TRUTH = np.array([0.25, 0.70, 0.45, 1.10])
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    """Four trials of three contacts, two catch trials each."""
+    paths = record(tmp_path_factory.mktemp("lab"), seed=11, trials=4, contacts=3, catch=2)
+    return capture(read_session(paths.session))
+
+
+@pytest.mark.slow
+def test_wrist_and_knuckle_are_found(session):
+    """Within 15 % from 12 contacts with catch trials; at most one interval misses its truth."""
+    fit = fit_session(session)
+    assert not fit.warnings
+    for joint, truth in list(zip(fit.joints, TRUTH, strict=True))[:2]:
+        assert not joint.refused
+        assert joint.compliance == pytest.approx(truth, rel=0.15)
+    inside = [j.lower <= c <= j.upper for j, c in zip(fit.joints, TRUTH, strict=True) if not j.refused]
+    assert sum(inside) >= len(inside) - 1
+    assert 0.3 < fit.chi2 < 1.5
+
+
+def test_bad_sessions(session):
+    catches = tuple(item for item in session.recordings if item.role == "catch")
+    with pytest.raises(ValueError, match="no recording with the role 'trial'"):
+        session_problem(dataclasses.replace(session, recordings=catches))
+    first = session.trials()[0]
+    dumb = dataclasses.replace(
+        first,
+        contact_names=(),
+        contact_bodies=(),
+        contact_force=first.contact_force[:, :0],
+        contact_point=first.contact_point[:, :0],
+        contact_moment=first.contact_moment[:, :0],
+        touching=first.touching[:, :0],
+        contact_force_sd=None,
+        contact_point_sd=None,
+    )
+    with pytest.raises(ValueError, match="no contact forces"):
+        session_problem(dataclasses.replace(session, recordings=(dumb,)))
+    with pytest.raises(ValueError, match="no catch trial"):
+        session_problem(dataclasses.replace(session, recordings=session.trials()))
+    slower = dataclasses.replace(catches[0], time=np.asarray(catches[0].time) * 2.0)
+    with pytest.raises(ValueError, match="frames a second"):
+        session_problem(dataclasses.replace(session, recordings=(first, slower)))
+    few = jax.tree.map(lambda x: x[:1], first.events)
+    with pytest.raises(ValueError, match="1 contacts"):
+        session_problem(dataclasses.replace(session, recordings=(dataclasses.replace(first, events=few), catches[0])))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("after", 2.0), ("before", 0.0), ("widest", 1.0), ("spacing", float("nan"))]
+)
+def test_bad_options(field, value):
+    with pytest.raises(ValueError, match=field):
+        FitOptions(**{field: value})
