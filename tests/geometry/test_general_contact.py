@@ -187,6 +187,23 @@ def test_meshes_on_planes_and_boxes(grids):
     np.testing.assert_allclose(normals, np.tile([0.0, 0.0, 1.0], (len(gaps), 1)), atol=EXACT)
 
 
+def test_an_egg_on_a_slope():
+    """As high above uneven ground that is a plane as its support says; with its lowest point."""
+    R = Rotation.from_rotvec([0.4, 0.5, 0.3]).as_matrix()
+    radii = np.array([0.02, 0.012, 0.008])
+    slope = Heightfield(0.02 * 0.3 * np.arange(-2.0, 3.0)[:, None] * np.ones(6), 0.02)
+    up = np.array([-0.3, 0.0, 1.0]) / np.hypot(0.3, 1.0)
+    for wanted in (0.001, -0.0005):
+        far = np.linalg.norm(radii * (R.T @ up)) + wanted
+        egg = Placed(Ellipsoid(np.zeros(3), np.eye(3), radii), Pose(R, far * up))
+        found = contact(egg, Placed(slope, at([0, 0, 0])))
+        deepest = np.argmin(found.gap)
+        lowest = far * up - R @ (radii**2 * (R.T @ up)) / np.linalg.norm(radii * (R.T @ up))
+        np.testing.assert_allclose(found.gap[deepest], wanted, atol=EXACT)
+        np.testing.assert_allclose(found.normal[deepest], up, atol=EXACT)
+        np.testing.assert_allclose(found.point[deepest], lowest, atol=1e-9)
+
+
 def test_boxes_on_uneven_ground():
     """On level ground with all corners; on a single peak under its middle with that."""
     brick = Box(np.array([0.03, 0.02, 0.01]))

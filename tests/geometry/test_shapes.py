@@ -88,31 +88,30 @@ def test_sphere_closed_form():
     p = points_around(shape, 30, 6)
     offset = p - shape.centre[None]
     np.testing.assert_allclose(facts(shape, p)[0], np.linalg.norm(offset, axis=1) - 0.2, atol=1e-14, rtol=1e-13)
-    hessian = jax.jit(jax.vmap(jax.hessian(shape.signed_distance)))(p)
+    hessian = np.stack([second(shape.rotation, numbers(shape, each))[0, :3, :3] for each in p])
     length = np.linalg.norm(offset, axis=1)[:, None, None]
     exact = (np.eye(3)[None] - offset[:, :, None] * offset[:, None, :] / length**2) / length
     np.testing.assert_allclose(hessian, exact, rtol=1e-9, atol=1e-9)
 
 
+def numbers(shape, p, unit=1.0):
+    """Point, centre and radii of an ellipsoid that is moved to the origin."""
+    return np.concatenate([(p - shape.centre) / unit, np.zeros(3), shape.radii / unit])
+
+
+def everything(rotation, x):
+    body = Ellipsoid(x[3:6], rotation, x[6:9])
+    return jnp.concatenate([body.signed_distance(x[:3])[None], body.normal(x[:3]), body.closest_point(x[:3])])
+
+
 @jax.jit
-def first_and_second(rotation, x):
-    """First derivatives forward, reverse and by differences, second ones by both; x is point, centre and radii."""
+def first(rotation, x):
+    """Everything and its first derivatives, forward and reverse."""
+    forward, found = jax.jacfwd(lambda x: (everything(rotation, x),) * 2, has_aux=True)(x)
+    return found, forward, jax.jacrev(everything, 1)(rotation, x)
 
-    def everything(x):
-        body = Ellipsoid(x[3:6], rotation, x[6:9])
-        return jnp.concatenate([body.signed_distance(x[:3])[None], body.normal(x[:3]), body.closest_point(x[:3])])
 
-    forward, reverse, step = jax.jacfwd(everything), jax.jacrev(everything), 1e-6
-    moved = x[:, None, None, :] + step * jnp.stack([jnp.eye(9), -jnp.eye(9)])[None]
-    plus, minus = (jax.vmap(jax.vmap(everything))(moved[:, side]) for side in (0, 1))
-    second_plus, second_minus = (jax.vmap(jax.vmap(forward))(moved[:, side]) for side in (0, 1))
-    return (
-        jax.vmap(forward)(x),
-        jax.vmap(reverse)(x),
-        jnp.moveaxis((plus - minus) / (2 * step), 1, 2),
-        jax.vmap(jax.jacfwd(reverse))(x),
-        jnp.moveaxis((second_plus - second_minus) / (2 * step), 1, 3),
-    )
+second = jax.jit(jax.jacfwd(jax.jacrev(everything, 1), 1))
 
 
 @pytest.mark.parametrize("radii", RADII.values(), ids=RADII.keys())
@@ -122,14 +121,20 @@ def test_derivatives_to_second_order(radii):
     unit = max(radii)
     points = points_around(shape, 6, 8, scale=2.0)
 
-    x = jax.vmap(lambda p: jnp.concatenate([(p - shape.centre) / unit, jnp.zeros(3), shape.radii / unit]))(points)
+    def of_all(x):
+        rows = [first(shape.rotation, each) for each in x.reshape(-1, 9)]
+        return [np.stack(part).reshape(*x.shape[:-1], *part[0].shape) for part in zip(*rows, strict=True)]
 
-    first, again, difference, second, second_difference = first_and_second(shape.rotation, x)
-    size, second_size = np.max(np.abs(first)), np.max(np.abs(second))
-    np.testing.assert_allclose(first, again, atol=1e-12 * size)  # rounding
+    x, step = np.stack([numbers(shape, p, unit) for p in points]), 1e-6
+    _, forward, reverse = of_all(x)
+    plus, minus = of_all(x[:, None] + step * np.eye(9)), of_all(x[:, None] - step * np.eye(9))
+    difference, second_difference = (np.moveaxis((plus[k] - minus[k]) / (2 * step), 1, -1) for k in (0, 1))
+    found = np.stack([second(shape.rotation, each) for each in x])
+    size, second_size = np.max(np.abs(forward)), np.max(np.abs(found))
+    np.testing.assert_allclose(forward, reverse, atol=1e-12 * size)  # rounding
     # differences: rounding over the step, and the curvature of a thin ellipsoid (aspect 12) times its square
-    np.testing.assert_allclose(first, difference, atol=2e-6 * size)
-    np.testing.assert_allclose(second, second_difference, atol=2e-5 * second_size)
+    np.testing.assert_allclose(forward, difference, atol=2e-6 * size)
+    np.testing.assert_allclose(found, second_difference, atol=2e-5 * second_size)
 
 
 def special_points():
@@ -151,66 +156,60 @@ def special_points():
     yield "just below the surface on the short axis", shape, (0.0, 0.0, 0.19), -0.01
 
 
-@jax.jit
-def derivatives(shape, p):
-    return (
-        jax.grad(shape.signed_distance)(p),
-        jax.jacfwd(shape.signed_distance)(p),
-        jax.jacfwd(shape.normal)(p),
-        jax.jacrev(shape.normal)(p),
-        jax.hessian(shape.signed_distance)(p),
-    )
-
-
 CASES = list(special_points())
 
 
 @pytest.mark.parametrize(("shape", "p", "expected"), [case[1:] for case in CASES], ids=[case[0] for case in CASES])
 def test_special_points_are_exact_and_finite(shape, p, expected):
-    p = jnp.asarray(p)
+    x = numbers(shape, np.asarray(p))
+    found, forward, reverse = first(shape.rotation, x)
+    distance, normal, closest = np.split(found, [1, 4])
     hair = 1e-8  # on the focal set the point is moved by sqrt(eps) of the smallest radius
-    np.testing.assert_allclose(shape.signed_distance(p), expected, atol=hair)
-    normal = shape.normal(p)
+    np.testing.assert_allclose(distance, [expected], atol=hair)
     np.testing.assert_allclose(np.linalg.norm(normal), 1.0, atol=1e-12)
-    np.testing.assert_allclose(shape.closest_point(p) + expected * normal, p, atol=hair)
-
-    for derivative in derivatives(shape, p):
-        assert np.all(np.isfinite(derivative))
+    np.testing.assert_allclose(closest + expected * normal, p, atol=hair)
+    for derivative in (forward, reverse, second(shape.rotation, x)):
+        assert np.all(np.isfinite(derivative[:, ..., :3]))
 
 
 def test_curvature_is_right_in_the_planes_of_symmetry():
     """A component of zero is no reason to lose its derivative."""
     shape = Ellipsoid(jnp.zeros(3), jnp.eye(3), jnp.array([0.5, 0.3, 0.2]))
-    p = jnp.array([0.5, 0.0, 0.0])
+    _, derivatives, _ = first(shape.rotation, numbers(shape, np.array([0.5, 0.0, 0.0])))
     # on the surface dn/dp = diag(0, a/b^2, a/c^2), the principal curvatures at the tip
-    np.testing.assert_allclose(jax.jacfwd(shape.normal)(p), np.diag([0.0, 0.5 / 0.09, 0.5 / 0.04]), atol=1e-9)
+    np.testing.assert_allclose(derivatives[1:4, :3], np.diag([0.0, 0.5 / 0.09, 0.5 / 0.04]), atol=1e-9)
 
 
 def test_plane():
     plane = Plane(jnp.array([0.1, 0.2, 0.3]), jnp.array([0.0, 3.0, 4.0]))
     p = jnp.array([1.0, -1.0, 2.0])
-    np.testing.assert_allclose(plane.normal(p), [0.0, 0.6, 0.8], atol=1e-15)
-    np.testing.assert_allclose(plane.signed_distance(p), 0.6 * -1.2 + 0.8 * 1.7, atol=1e-15)
-    np.testing.assert_allclose(plane.signed_distance(plane.closest_point(p)), 0.0, atol=1e-15)
-    np.testing.assert_allclose(plane.closest_point(p) + plane.signed_distance(p) * plane.normal(p), p, atol=1e-15)
 
     @jax.jit
-    def everything(x):
-        shape = Plane(x[:3], x[3:6])
-        return jnp.concatenate([shape.signed_distance(x[6:])[None], shape.normal(x[6:]), shape.closest_point(x[6:])])
+    def derivatives(x):
+        def everything(x):
+            one, p = Plane(x[:3], x[3:6]), x[6:]
+            return jnp.concatenate([one.signed_distance(p)[None], one.normal(p), one.closest_point(p)])
 
-    x = jnp.concatenate([plane.point, plane.normal_direction, p])
-    step = 1e-5
-    difference = np.stack([(everything(x + e) - everything(x - e)) / (2 * step) for e in step * jnp.eye(9)], axis=1)
-    first, again = jax.jit(jax.jacfwd(everything))(x), jax.jit(jax.jacrev(everything))(x)
-    np.testing.assert_allclose(first, again, atol=1e-14)
-    np.testing.assert_allclose(first, difference, atol=1e-9)  # rounding over the step
-    assert np.all(np.isfinite(jax.jit(jax.jacfwd(jax.jacrev(everything)))(x)))
+        return everything(x), jax.jacfwd(everything)(x), jax.jacrev(everything)(x), jax.hessian(everything)(x)
+
+    x, step = np.concatenate([plane.point, plane.normal_direction, p]), 1e-5
+    found, forward, reverse, second = derivatives(x)
+    distance, normal, closest = np.split(found, [1, 4])
+    np.testing.assert_allclose(normal, [0.0, 0.6, 0.8], atol=1e-15)
+    np.testing.assert_allclose(distance, [0.6 * -1.2 + 0.8 * 1.7], atol=1e-15)
+    np.testing.assert_allclose(derivatives(np.concatenate([x[:6], closest]))[0][0], 0.0, atol=1e-15)
+    np.testing.assert_allclose(closest + distance * normal, p, atol=1e-15)
+    sides = [[derivatives(x + side)[0] for side in (e, -e)] for e in step * np.eye(9)]
+    difference = np.stack([(np.asarray(plus) - minus) / (2 * step) for plus, minus in sides], axis=1)
+    np.testing.assert_allclose(forward, reverse, atol=1e-14)
+    np.testing.assert_allclose(forward, difference, atol=1e-9)  # rounding over the step
+    assert np.all(np.isfinite(second))
 
 
 def test_float32():
     shape = Ellipsoid(jnp.zeros(3, jnp.float32), jnp.eye(3, dtype=jnp.float32), jnp.array([0.5, 0.3, 0.2], jnp.float32))
-    p = jnp.array([0.4, 0.35, 0.3], jnp.float32)
-    assert shape.signed_distance(p).dtype == jnp.float32
-    exact = Ellipsoid(jnp.zeros(3), jnp.eye(3), jnp.array([0.5, 0.3, 0.2])).signed_distance(p.astype(jnp.float64))
-    np.testing.assert_allclose(shape.signed_distance(p), exact, rtol=1e-5)
+    p = np.array([0.4, 0.35, 0.3], np.float32)
+    found = jax.jit(Ellipsoid.signed_distance)(shape, p)
+    assert found.dtype == jnp.float32
+    double = jax.tree.map(lambda number: np.asarray(number, float), shape)
+    np.testing.assert_allclose(found, first(double.rotation, numbers(double, p))[0][0], rtol=1e-5)

@@ -67,6 +67,15 @@ def facts(shape, p):
     return tuple(jax.vmap(function)(p) for function in functions)
 
 
+mass = jax.jit(lambda shape: shape.mass_properties())
+
+
+@jax.jit
+def probed(shape, direction):
+    centre, radius = shape.probes(direction)
+    return centre, radius, jax.vmap(shape.signed_distance)(centre)
+
+
 @solids
 def test_distance_of_a_mesh(shape, mesh, tolerance):
     """All of them are convex: inside is behind every triangle."""
@@ -85,7 +94,7 @@ def test_distance_of_a_mesh(shape, mesh, tolerance):
 
 @solids
 def test_mass_properties_of_a_mesh(shape, mesh, tolerance):
-    found = shape.mass_properties()
+    found = mass(shape)
     relative = 20 * tolerance  # a faceted body misses the area twice, its fourth moments four times
     np.testing.assert_allclose(found.volume, mesh.volume, rtol=relative)
     np.testing.assert_allclose(found.com, mesh.center_mass, rtol=0, atol=max(tolerance, 1e-9))
@@ -96,16 +105,16 @@ def test_mass_properties_of_a_mesh(shape, mesh, tolerance):
 def test_probes_touch_the_surface_and_reach_as_far_as_it_does(shape, mesh, tolerance):
     for direction in np.random.default_rng(3).normal(size=(10, 3)):
         direction /= np.linalg.norm(direction)
-        centre, radius = shape.probes(jnp.asarray(direction))
-        np.testing.assert_allclose(jax.vmap(shape.signed_distance)(centre), -radius, rtol=0, atol=1e-11)
-        reach = np.max(np.asarray(centre) @ direction + np.asarray(radius))
+        centre, radius, distance = map(np.asarray, probed(shape, direction))
+        np.testing.assert_allclose(distance, -radius, rtol=0, atol=1e-11)
+        reach = np.max(centre @ direction + radius)
         np.testing.assert_allclose(reach, np.max(mesh.vertices @ direction), rtol=0, atol=5 * tolerance)
 
 
 def edges(shape):
     """Corners, points on faces, on edges, on the axis, in the middle, and above a corner."""
-    yield from np.asarray(shape.probes(jnp.array([0.0, 0.0, 1.0])).centre)
-    yield from np.asarray(shape.probes(jnp.array([1.0, 0.0, 0.0])).centre)
+    yield from np.asarray(probed(shape, np.array([0.0, 0.0, 1.0]))[0])
+    yield from np.asarray(probed(shape, np.array([1.0, 0.0, 0.0]))[0])
     yield from [np.zeros(3), np.array([0.0, 0.0, 0.2]), np.array([0.0, 0.0, 2.0]), np.array([0.3, 0.0, 0.0])]
     yield from [np.array([0.3, 0.5, 1.0]), np.array([0.4, 0.0, 0.0]), np.array([1e-170, 0.0, 0.0])]
 
@@ -125,8 +134,9 @@ def test_derivatives(name):
     @jax.jit
     def derivatives(x):
         moves = step * jnp.eye(x.size)
-        central = jax.vmap(lambda e: (everything(x + e) - everything(x - e)) / (2 * step), out_axes=1)(moves)
-        return jax.jacfwd(everything)(x), jax.jacrev(everything)(x), central, jax.jacfwd(jax.jacrev(everything))(x)
+        plus, minus = jax.lax.map(everything, x[None] + jnp.concatenate([moves, -moves])).reshape(2, x.size, 7)
+        second, reverse = jax.jacfwd(lambda x: (jax.jacrev(everything)(x),) * 2, has_aux=True)(x)
+        return jax.jacfwd(everything)(x), reverse, (plus - minus).T / (2 * step), second
 
     for p in points(6, 4):
         forward, reverse, central, second = derivatives(jnp.concatenate([p, numbers]))
@@ -143,12 +153,14 @@ def test_derivatives(name):
 @solids
 def test_single_precision(shape, mesh, tolerance):
     single = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), shape)
-    p = points(20, 5)
+    p = points(120, 5)  # as many as above
     found, normal, *_ = facts(single, p.astype(jnp.float32))
     assert found.dtype == normal.dtype == jnp.float32
     np.testing.assert_allclose(found, facts(shape, p)[0], rtol=0, atol=1e-6)
-    assert single.probes(jnp.array([0.0, 0.6, 0.8], jnp.float32)).centre.dtype == jnp.float32
-    assert all(x.dtype == jnp.float32 for x in single.mass_properties())
+    others = jax.eval_shape(
+        lambda shape, up: (shape.probes(up), shape.mass_properties()), single, p[0].astype(found.dtype)
+    )
+    assert all(x.dtype == jnp.float32 for x in jax.tree.leaves(others))
 
 
 def test_a_box_tells_its_face():
@@ -159,8 +171,9 @@ def test_a_box_tells_its_face():
         ((0.4, 0.1, 0.1), 0.1, (1, 0, 0)),
         ((0.6, 0.9, 0.1), 0.5, (0.6, 0.8, 0)),
     ]:
-        np.testing.assert_allclose(box.signed_distance(jnp.array(p)), distance, atol=1e-15)
-        np.testing.assert_allclose(box.normal(jnp.array(p)), normal, atol=1e-15)
+        found, direction, *_ = facts(box, np.tile(p, (120, 1)))
+        np.testing.assert_allclose(found[0], distance, atol=1e-15)
+        np.testing.assert_allclose(direction[0], normal, atol=1e-15)
 
 
 def test_what_is_no_prism():
@@ -190,5 +203,5 @@ def test_an_outline_may_be_traced():
     def distance(outline):
         return Prism(outline, 0.35).signed_distance(jnp.array([1.0, 0.0, 0.0]))
 
-    expected = Prism(np.array(OUTLINE), 0.35).signed_distance(jnp.array([1.0, 0.0, 0.0]))
-    np.testing.assert_allclose(distance(jnp.array(OUTLINE)), expected, atol=EXACT)
+    expected = facts(Prism(np.array(OUTLINE), 0.35), np.tile([1.0, 0.0, 0.0], (120, 1)))[0][0]
+    np.testing.assert_allclose(distance(np.array(OUTLINE)), expected, atol=EXACT)
