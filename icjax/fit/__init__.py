@@ -5,8 +5,11 @@ from icjax.fit._parameters import Parameters as Parameters
 from icjax.fit._parameters import Values as Values
 from icjax.fit._problem import Measurement as Measurement
 from icjax.fit._problem import Problem as Problem
+from icjax.fit._rollout_forces import ContactForces as ContactForces
 from icjax.fit._solve import Minimum as Minimum
 from icjax.fit._solve import Progress as Progress
 from icjax.fit._solve import Solver as Solver
 from icjax.fit._solve import multi_start as multi_start
 from icjax.fit._solve import solve as solve
+from icjax.fit._spline import spline_basis as spline_basis
+from icjax.fit._static import StaticEquilibrium as StaticEquilibrium

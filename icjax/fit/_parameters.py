@@ -162,5 +162,5 @@ def _known(value: Any) -> np.ndarray | None:
     """As NumPy, None for a tracer."""
     try:
         return np.asarray(value, float)
-    except Exception:  # noqa: BLE001, a tracer of any transformation
+    except Exception:
         return None
