@@ -7,8 +7,8 @@ theta_r is one cubic spline for both. Sought are C (diagonal, then full), theta_
 (a) angles and torques in static equilibrium, (c) angles and contact forces of a rollout. A start is found again where C
 and friction are right to 1e-6 (relative; entries of the full C relative to sqrt(C_ii C_jj)) and theta_r to 1e-8 rad.
 
-The ill-posed case: a reference that is free in every sample explains any C, which `laplace` must say. Data and model are
-the same here, so this judges the inverse problem and the solver, not the model. Writes recovery.json and recovery.png.
+The ill-posed case: a reference that is free in every sample explains any C, which `laplace` must say. Data and model
+are the same here, so this judges the inverse problem and the solver, not the model. Writes recovery.json and recovery.png.
 """
 
 import dataclasses
@@ -23,7 +23,7 @@ import tyro
 from recovery_problem import ANGLE_SD, FORCE_SD, PLATES, Case, Truth
 from recovery_solver import Minimiser, recovered
 
-from icjax.fit import Parameter, Problem, multi_start
+from icjax.fit import Parameter, Parameters, Problem, multi_start
 from icjax.inference import jacobian, laplace
 
 BOUNDS = np.array([1e-6, 1e-6, 1e-8])
@@ -32,8 +32,8 @@ BOUNDS = np.array([1e-6, 1e-6, 1e-8])
 
 @dataclasses.dataclass(frozen=True)
 class Config:
-    """`starts` of every problem, within `factor` of C and friction; `spread` rad of the spline's coefficients; `restarts`
-    from other starts where the schedule fails; `cases` "static diagonal", "static full", "rollout diagonal", ..."""
+    """`starts` of every problem, within `factor` of C and friction; `spread` rad of the spline's coefficients;
+    `restarts` from other starts where the schedule fails; `cases` "static diagonal", "static full", "rollout diagonal", ..."""
 
     starts: int = 100
     factor: float = 5.0
@@ -114,8 +114,6 @@ def ill_posed(truth: Truth) -> dict[str, Any]:
     free = np.eye(truth.case.steps)
     C = truth.parameters(False)["compliance"]
     own = {f"reference of {name}": Parameter(f"reference of {name}", truth.reference) for name in PLATES}
-    from icjax.fit import Parameters
-
     every = Parameter("reference", truth.basis @ truth.reference)
     first = next(iter(PLATES))
     info = truth.info[first]

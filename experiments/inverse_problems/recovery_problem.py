@@ -27,8 +27,8 @@ CORRELATION = np.array([[1.0, 0.1, 0.0, 0.0], [0.1, 1.0, 0.3, 0.1], [0.0, 0.3, 1
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """One recovery: `full` compliance or its diagonal; `normal` forces only; `steps` of `duration` s, `functions` of the
-    cubic spline of theta_r."""
+    """One recovery: `full` compliance or its diagonal; `normal` forces only; `steps` of `duration` s, `functions` of
+    the cubic spline of theta_r."""
 
     full: bool = False
     normal: bool = False
