@@ -8,7 +8,8 @@ theta_r is one cubic spline for both. Sought are C (diagonal, then full), theta_
 and friction are right to 1e-6 (relative; entries of the full C relative to sqrt(C_ii C_jj)) and theta_r to 1e-8 rad.
 
 The ill-posed case: a reference that is free in every sample explains any C, which `laplace` must say. Data and model
-are the same here, so this judges the inverse problem and the solver, not the model. Writes recovery.json and recovery.png.
+are the same here, so this judges the inverse problem and the solver, not the model. Writes recovery.json and
+recovery.png.
 """
 
 import dataclasses
@@ -33,7 +34,8 @@ BOUNDS = np.array([1e-6, 1e-6, 1e-8])
 @dataclasses.dataclass(frozen=True)
 class Config:
     """`starts` of every problem, within `factor` of C and friction; `spread` rad of the spline's coefficients;
-    `restarts` from other starts where the schedule fails; `cases` "static diagonal", "static full", "rollout diagonal", ..."""
+    `restarts` from other starts where the schedule fails; `cases` of the
+    two kinds, static and rollout, with a diagonal or full compliance; `blind` the ill-posed case."""
 
     starts: int = 100
     factor: float = 5.0

@@ -95,6 +95,7 @@ def test_derivatives():
             assert np.isfinite(found).all()
 
 
+@pytest.mark.slow
 def test_compliance_and_friction_are_found():
     """From one start, of what was simulated; the reference and the pad are known."""
     nominal = pressing(0.2, -0.3)
