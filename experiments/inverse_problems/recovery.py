@@ -127,6 +127,7 @@ def ill_posed(truth: Truth) -> dict[str, Any]:
         "static, one plate, reference free in every sample": Problem(
             Parameters((C, every)), truth.statics(basis=free)[:1]
         ),
+        "rollout, normal forces only, a spline shared by both plates": Truth(Case(normal=True)).problem("rollout"),
         "rollout, one plate, reference free in every sample": Problem(Parameters((C, every, friction)), (alone,)),
     }
     found = {}
@@ -167,7 +168,7 @@ def draw(drawn: dict[str, Any], path: Path) -> None:
     from matplotlib import pyplot
 
     count = max(len(drawn), 1)
-    figure, axes = pyplot.subplots(1, count, figsize=(2.8 * count, 3.0), sharey=True, layout="constrained")
+    figure, axes = pyplot.subplots(1, count, figsize=(max(2.8 * count, 6.0), 3.2), sharey=True, layout="constrained")
     for axis, (name, (before, after)) in zip(np.atleast_1d(axes), drawn.items(), strict=False):
         right = np.all(after < BOUNDS, axis=1)
         for chosen, colour in ((right, "#009E73"), (~right, "#D55E00")):
@@ -175,6 +176,7 @@ def draw(drawn: dict[str, Any], path: Path) -> None:
         axis.axhline(BOUNDS[0], color="#5B616B", linewidth=0.8)
         axis.set_title(f"{name}: {right.sum()} of {len(right)}", loc="left", fontsize=9, fontweight="bold")
         axis.set_xlabel("error of C at the start")
+        axis.xaxis.set_minor_formatter("")
         axis.spines[["top", "right"]].set_visible(False)
     np.atleast_1d(axes)[0].set_ylabel("error of C at the end")
     figure.supxlabel("Noise-free data of the same model; the line is the bound of 1e-6.", fontsize=7.5, color="#5B616B")
