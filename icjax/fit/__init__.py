@@ -11,6 +11,7 @@ from icjax.fit._problem import Problem as Problem
 from icjax.fit._result import JointFit as JointFit
 from icjax.fit._result import SessionFit as SessionFit
 from icjax.fit._result import fit_session as fit_session
+from icjax.fit._rollout_forces import ContactForces as ContactForces
 from icjax.fit._session import SessionProblem as SessionProblem
 from icjax.fit._session import session_problem as session_problem
 from icjax.fit._solve import Minimum as Minimum
@@ -18,3 +19,5 @@ from icjax.fit._solve import Progress as Progress
 from icjax.fit._solve import Solver as Solver
 from icjax.fit._solve import multi_start as multi_start
 from icjax.fit._solve import solve as solve
+from icjax.fit._spline import spline_basis as spline_basis
+from icjax.fit._static import StaticEquilibrium as StaticEquilibrium

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from icjax.lcp import Exact, Smoothed
 from icjax.model import Model
 from icjax.running import run
 from icjax.synthesis._bodies import Target
@@ -26,6 +27,7 @@ class _Step(eqx.Module):
     model: Model
     scene: Scene
     policy: Policy | None
+    adjoint: Exact | Smoothed | None = None
 
     def __call__(self, carry: tuple[State, Any], target: Target) -> tuple[tuple[State, Any], StepInfo]:
         return jax.checkpoint(_Step._stepped)(self, carry, target)
@@ -34,7 +36,7 @@ class _Step(eqx.Module):
         state, memory = carry
         if self.policy is not None:
             target = self.policy.apply(memory, target)
-        state, info = step(self.model, self.scene, state, target)
+        state, info = step(self.model, self.scene, state, target, self.adjoint)
         if self.policy is not None:
             memory = self.policy.observe(memory, self.model, self.scene, info)
         return (state, memory), info
@@ -46,14 +48,16 @@ def rollout(
     targets: Target,
     state: State | None = None,
     policy: Policy | None = None,
+    adjoint: Exact | Smoothed | None = None,
     **running,
 ) -> tuple[State, StepInfo]:
     """Step through targets `[time]`, one scan, differentiable in forward and reverse mode in every number.
 
     **Arguments**: `targets` a row for each time step of length `scene.step`; `state` to start from, by default the
     first reference with unloaded pads, so that the first row of the result is the solution at the first target;
-    `policy` what the hand changes on the way (Section 8.1), default nothing; `running` options of
-    [`icjax.running.run`] (progress, cancellation, checkpoint).
+    `policy` what the hand changes on the way (Section 8.1), default nothing; `adjoint` the derivative that contact
+    forces carry, by default that of what is computed, [`Smoothed`][icjax.lcp.Smoothed] one that sees contacts before
+    they touch; `running` options of [`icjax.running.run`] (progress, cancellation, checkpoint).
 
     Reverse mode keeps the state of every step and computes the step again, which takes less time here than keeping
     what it found, and little memory.
@@ -77,7 +81,7 @@ def rollout(
         state = _init(model, scene, targets.reference[0])
         check_start(model, named, state.contacts.gap)
     memory = () if policy is None else policy.init(model, scene)
-    result = run(_Step(model, scene, policy), (state, memory), targets, **running)
+    result = run(_Step(model, scene, policy, adjoint), (state, memory), targets, **running)
     return result.carry[0], result.outputs
 
 

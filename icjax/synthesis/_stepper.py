@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 
 from icjax import contact
+from icjax.lcp import Exact, Smoothed
 from icjax.model import Model, difference, integrate
 from icjax.results import RESULTS
 from icjax.synthesis._bodies import QuasiStaticHand, Target
@@ -81,7 +82,9 @@ def init(model: Model, scene: Scene, q: Float[Real, " nq"]) -> State:
     return State(q=jnp.asarray(q), pad_force=jnp.zeros_like(contacts.point), contacts=contacts, motions=motions)
 
 
-def step(model: Model, scene: Scene, state: State, target: Target) -> tuple[State, StepInfo]:
+def step(
+    model: Model, scene: Scene, state: State, target: Target, adjoint: Exact | Smoothed | None = None
+) -> tuple[State, StepInfo]:
     r"""Advance hand and objects by one time step to a new reference and compliance.
 
     Every body answers the forces with $\Delta q = \Delta q_{free} + A J^T f$ (`QuasiStaticHand`,
@@ -92,7 +95,8 @@ def step(model: Model, scene: Scene, state: State, target: Target) -> tuple[Stat
     and $f = f(k+1)$ solves the complementarity problem of Section 7.1.3, one for all bodies, joint limits included. The
     pad's term counts the tangential force from the one already there, so that a stuck finger does not creep.
 
-    **Arguments**: `state` from `init` or the step before; `target` theta_r(k+1) and C(k+1).
+    **Arguments**: `state` from `init` or the step before; `target` theta_r(k+1) and C(k+1); `adjoint` the derivative
+    that the forces carry (see [`icjax.contact.solve`]); it changes no result.
 
     **Returns**: the next state and what happened; a failed solve is reported in `status`, not repaired.
 
@@ -110,7 +114,7 @@ def step(model: Model, scene: Scene, state: State, target: Target) -> tuple[Stat
     free = jnp.concatenate([hand.free, *(body.free for body in bodies)])
     admittance = jax.scipy.linalg.block_diag(hand.matrix, *(body.matrix for body in bodies))
     posed = coupled(model, scene, table, here, state.q, state.pad_force, free, admittance)
-    solution = contact.solve(posed.problem, facets=scene.facets)
+    solution = contact.solve(posed.problem, facets=scene.facets, adjoint=adjoint)
 
     pushed = posed.pushed(solution.value)
     moved = free + admittance @ pushed
