@@ -27,8 +27,6 @@ NOISE_FORCE, NOISE_ANGLE = 0.02, 3e-3
 TRUE_STEP, TRUE_DAMPING, TRUE_ARMATURE = 2e-4, 0.004, 0.0
 """Of the simulation that is measured: s; damping over stiffness, s; kg m2."""
 
-KNOTS = 5
-
 
 def reference(time: np.ndarray) -> np.ndarray:
     """theta_r `[time, 4]`, rad: two presses, the second with the finger more bent."""

@@ -4,7 +4,7 @@
 
 The problem holds the model, the data, MuJoCo's step, damping and armature, the bounds, the starts and the options of
 `mujoco.sysid.optimize`. Prints one line of JSON: of every start the candidates that the optimiser tried, with their
-cost, the time since its start and the rollouts so far.
+cost, wall and processor time since its start and the rollouts so far.
 """
 
 import json
@@ -22,7 +22,8 @@ class Told:
     """The toolbox's residual function, with a record of what was asked."""
 
     def __init__(self, residual):
-        self.residual, self.rows, self.rollouts, self.begin = residual, [], 0, time.perf_counter()
+        self.residual, self.rows, self.rollouts = residual, [], 0
+        self.begin, self.work = time.perf_counter(), time.process_time()
 
     def __call__(self, x, params):
         columns = 1 if x.ndim == 1 else x.shape[1]
@@ -31,7 +32,8 @@ class Told:
         if columns == 1:
             cost = 0.5 * float(np.sum(np.concatenate(found[0]) ** 2))
             value = np.ravel(x).tolist()
-            self.rows.append([time.perf_counter() - self.begin, self.rollouts, cost, value])
+            spent = time.perf_counter() - self.begin, time.process_time() - self.work
+            self.rows.append([spent[0], self.rollouts, cost, value, spent[1]])
         return found
 
 
@@ -89,10 +91,11 @@ def main(problem: dict) -> dict:
         try:
             sysid.optimize(params, told, verbose=False, **options)
         except Exception as error:  # noqa: BLE001, what fails is counted
-            found.append({"error": f"{type(error).__name__}: {error}", "rows": told.rows})
+            found.append({"error": f"{type(error).__name__}: {error}", "rows": told.rows, "CPU": told.rows[-1][4]})
             continue
-        rows = [[*row[:3], np.exp(row[3]).tolist() if logarithm else row[3]] for row in told.rows]
-        found.append({"rows": rows, "seconds": time.perf_counter() - told.begin, "rollouts": told.rollouts})
+        seconds, work = time.perf_counter() - told.begin, time.process_time() - told.work
+        rows = [[*row[:3], np.exp(row[3]).tolist() if logarithm else row[3], row[4]] for row in told.rows]
+        found.append({"rows": rows, "seconds": seconds, "CPU": work, "rollouts": told.rollouts})
     return {"version": mj.__version__, "runs": found}
 
 
