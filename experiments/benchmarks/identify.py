@@ -28,24 +28,25 @@ import tempfile
 import time
 from pathlib import Path
 
+import identify_gradient
 import identify_scene as press
 import numpy as np
+from identify_runs import CLOSE, near, reached, told
 
 RESULT = Path(__file__).resolve().parents[1] / "results" / "identify.json"
 PARTS = ("equilibrium", "static", "solve", "rollout", "sysid", "gradient")
-STARTS, FACTOR, WIDEST, SETTLING, CLOSE = 100, 5.0, 10.0, 3, 0.01
+STARTS, FACTOR, WIDEST, SETTLING = 100, 5.0, 10.0, 3
 STEPWISE = 10
 """Starts of icjax whose time to 1 % is measured, a run for every number of steps."""
 
 TOLERANCE = 1e-4
 MUJOCO = {"step": 2e-3, "damping": 0.004, "armature": 2e-5}
-"""Largest round step with errors of half a standard deviation that is stable at ten times the stiffness; Nms/rad."""
+"""s, Nms/rad, kg m2: a round step that is stable at ten times the stiffness, little lag and artificial inertia."""
 
 OPTIMISERS = {
     "logarithms, scipy_parallel_fd": (True, {"optimizer": "scipy_parallel_fd"}, STARTS),
-    "defaults": (False, {"optimizer": "mujoco"}, 20),
+    "defaults": (False, {"optimizer": "mujoco"}, 10),
 }
-SIZES = (4, 12, 40, 120, 400)
 
 
 def finger():
@@ -203,24 +204,6 @@ def fitted(kind: str, count: int) -> dict:
     return {"first call, with compilation, s": cold, **told(runs, best), "rollouts an evaluation": "1 and 4 tangents"}
 
 
-def near(value, best) -> bool:
-    """Within 1 % in every stiffness."""
-    return bool(np.all(np.abs(np.asarray(value) / np.asarray(best) - 1.0) < CLOSE))
-
-
-def told(runs: list[dict], best) -> dict:
-    """Medians of the runs that came within 1 %."""
-    rows: dict = {"starts": len(runs), "succeeded": sum(near(run["value"], best) for run in runs)}
-    rows["best"] = {name: float(k) for name, k in zip(press.JOINTS, best, strict=True)}
-    rows["error of best %"] = (100 * np.abs(np.asarray(best) / press.STIFFNESS - 1)).tolist()
-    rows["cost"] = min(run["cost"] for run in runs)
-    for key in ("s", "CPU s", "evaluations", "rollouts", "whole s", "whole CPU s", "whole evaluations"):
-        values = [run[key] for run in runs if key in run]
-        if values:
-            rows[f"{key}, median"], rows[f"{key}, most"] = float(np.median(values)), float(max(values))
-    return rows
-
-
 def solve() -> dict:
     """`icjax.fit.solve`: the first call, and later ones until the cost is within 1 % of the optimum."""
     import jax.numpy as jnp
@@ -265,73 +248,10 @@ def sysid(python: Path) -> dict:
     return rows
 
 
-def reached(run: dict, best) -> dict:
-    """When a run came near and stayed: its best candidate so far."""
-    lead, since = None, None
-    for number, row in enumerate(run["rows"]):
-        if np.isfinite(row[2]) and (lead is None or row[2] < lead[2]):
-            lead = row
-            since = (number, row) if near(row[3], best) and since is None else since if near(row[3], best) else None
-    found = {"cost": lead[2], "whole s": run.get("seconds", run["rows"][-1][0]), "value": lead[3]}
-    found |= {"whole CPU s": run["CPU"], "whole evaluations": run.get("rollouts", run["rows"][-1][1])}
-    if since is not None:
-        found |= {"s": since[1][0], "CPU s": since[1][4], "rollouts": since[1][1], "evaluations": since[0] + 1}
-    return found
-
-
 def gradient() -> dict:
-    """Reverse mode through the rollout against central differences, by numbers of the reference."""
-    import jax
-    import jax.numpy as jnp
-
+    """`identify_gradient.gradient` of one contact problem a sample."""
     model, scene, nominal, mjcf = finger()
-    _, whole = predictions(model, scene, 1)
-    data, times = jnp.asarray(press.measured(mjcf)), press.sample_times()
-
-    def cost(reference):
-        return 0.5 * jnp.sum(((data - whole(nominal, reference, None)) / press.deviations()[None]) ** 2)
-
-    forward, backward = jax.jit(cost), jax.jit(jax.value_and_grad(cost))
-    base = jnp.asarray(press.reference(times))
-    begin = time.perf_counter()
-    jax.block_until_ready(forward(base))
-    rows: dict = {"compile forward s": time.perf_counter() - begin}
-    begin = time.perf_counter()
-    jax.block_until_ready(backward(base))
-    rows["compile reverse s"] = time.perf_counter() - begin
-    rows["parameters"] = {}
-    for size in SIZES:
-        knots = size // 4
-        hats = np.maximum(0.0, 1.0 - np.abs(times[:, None] / press.DURATION * knots - np.arange(knots) - 0.5))
-        moved = [hats[:, [i]] * np.eye(4)[None, j] for i in range(knots) for j in range(4)]
-        spent = []
-        for _ in range(5):
-            begin = time.perf_counter()
-            slope = jax.block_until_ready(backward(base)[1])
-            exact = np.array([np.sum(slope * direction) for direction in moved])
-            spent.append(time.perf_counter() - begin)
-        begin = time.perf_counter()
-        near = [float(forward(base + 1e-6 * d) - forward(base - 1e-6 * d)) / 2e-6 for d in moved]
-        differences = time.perf_counter() - begin
-        error = float(np.max(np.abs(exact - near)) / np.max(np.abs(exact)))
-        rows["parameters"][str(size)] = {"reverse s": min(spent), "differences s": differences, "disagreement": error}
-        rows["parameters"][str(size)]["ratio"] = differences / min(spent)
-    return rows
-
-
-def drawn(rows: dict) -> None:
-    """Time over the number of parameters."""
-    import matplotlib.pyplot as plt
-
-    found = rows["gradient"]["parameters"]
-    sizes = [int(size) for size in found]
-    figure, axes = plt.subplots(figsize=(5.5, 3.8), layout="constrained")
-    for name, label in (("reverse s", "reverse mode, exact"), ("differences s", "central differences")):
-        axes.loglog(sizes, [row[name] for row in found.values()], "o-", label=label)
-    axes.set(xlabel="numbers of the reference trajectory", ylabel="one gradient, s")
-    axes.set_title("Gradient through a rollout of 200 steps")
-    axes.legend(frameon=False)
-    figure.savefig(RESULT.with_suffix(".png"), dpi=150)
+    return identify_gradient.gradient(predictions(model, scene, 1)[1], nominal, press.measured(mjcf))
 
 
 def rounded(value):
@@ -361,7 +281,7 @@ def main() -> None:
     print(arguments.part, json.dumps(rows[arguments.part]), flush=True)
     RESULT.write_text(json.dumps({name: rows[name] for name in PARTS if name in rows}, indent=1) + "\n")
     if "gradient" in rows:
-        drawn(rows)
+        identify_gradient.drawn(rows["gradient"], RESULT.with_suffix(".png"))
 
 
 if __name__ == "__main__":
