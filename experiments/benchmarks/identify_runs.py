@@ -18,7 +18,16 @@ def told(runs: list[dict], best) -> dict:
     rows["best"] = {name: float(k) for name, k in zip(press.JOINTS, best, strict=True)}
     rows["error of best %"] = (100 * np.abs(np.asarray(best) / press.STIFFNESS - 1)).tolist()
     rows["cost"] = min(run["cost"] for run in runs)
-    for key in ("s", "CPU s", "evaluations", "rollouts", "whole s", "whole CPU s", "whole evaluations"):
+    for key in (
+        "s",
+        "CPU s",
+        "evaluations",
+        "rollouts",
+        "whole s",
+        "whole CPU s",
+        "whole evaluations",
+        "whole rollouts",
+    ):
         values = [run[key] for run in runs if key in run]
         if values:
             rows[f"{key}, median"], rows[f"{key}, most"] = float(np.median(values)), float(max(values))
@@ -33,7 +42,7 @@ def reached(run: dict, best) -> dict:
             lead = row
             since = (number, row) if near(row[3], best) and since is None else since if near(row[3], best) else None
     found = {"cost": lead[2], "whole s": run.get("seconds", run["rows"][-1][0]), "value": lead[3]}
-    found |= {"whole CPU s": run["CPU"], "whole evaluations": run.get("rollouts", run["rows"][-1][1])}
+    found |= {"whole CPU s": run["CPU"], "whole rollouts": run.get("rollouts", run["rows"][-1][1])}
     if since is not None:
         found |= {"s": since[1][0], "CPU s": since[1][4], "rollouts": since[1][1], "evaluations": since[0] + 1}
     return found
