@@ -128,6 +128,12 @@ def multi_start(
     **Returns** a batched `Solution`: `value.x` `[start, n]`, `result` of each; take the least `cost` of the solved.
     """
 
+    value, result, steps = _from_each(problem, jnp.asarray(starts), tolerance, max_steps, batch)
+    return Solution(value=value, result=result, stats={"steps": steps})
+
+
+@eqx.filter_jit
+def _from_each(problem, starts, tolerance, max_steps, batch):
     def one(x):
         found = optx.least_squares(
             lambda x, problem: problem.residual(x),
@@ -142,45 +148,46 @@ def multi_start(
         result = RESULTS.where(good, RESULTS.solved, RESULTS.not_converged)
         return Minimum(found.value, cost, gradient), result, found.stats["num_steps"]
 
-    @eqx.filter_jit
-    def all_of_them(starts):
-        if batch is None:
-            return eqx.filter_vmap(one)(starts)
-        return jax.lax.map(one, starts, batch_size=batch)
-
-    value, result, steps = all_of_them(jnp.asarray(starts))
-    return Solution(value=value, result=result, stats={"steps": steps})
+    if batch is None:
+        return eqx.filter_vmap(one)(starts)
+    return jax.lax.map(one, starts, batch_size=batch)
 
 
 def _stepwise(problem, x, solver, tolerance, max_steps, told, cancelled):
-    """optimistix, one compiled step at a time."""
-    method: Any = (
-        optx.LevenbergMarquardt(tolerance, tolerance)
-        if solver == "levenberg_marquardt"
-        else optx.BFGS(tolerance, tolerance)
-    )
+    """optimistix, one compiled step at a time; another problem of the same form compiles nothing new."""
     least = solver == "levenberg_marquardt"
-
-    def function(x, problem):
-        return (problem.residual(x), None) if least else (problem.cost(x), None)
-
-    shape = jax.eval_shape(lambda x: function(x, problem)[0], x)
-    state = method.init(function, x, problem, {}, shape, None, frozenset())
-
-    @eqx.filter_jit
-    def advance(problem, x, state):
-        x, state, _ = method.step(function, x, problem, {}, state, frozenset())
-        done, result = method.terminate(function, x, problem, {}, state, frozenset())
-        return x, state, done, result == optx.RESULTS.successful, problem.cost(x)
-
+    method: Any = (optx.LevenbergMarquardt if least else optx.BFGS)(tolerance, tolerance)
+    function = _residual_of if least else _cost_of
+    state = _begin(method, function, x, problem)
     for step in range(1, max_steps + 1):
         if cancelled():
             return x, False, step - 1
-        x, state, done, well, cost = advance(problem, x, state)
+        x, state, done, well, cost = _advance(method, function, x, problem, state)
         told(x, float(cost), step)
         if bool(done):
             return x, bool(well), step
     return x, False, max_steps
+
+
+def _residual_of(x, problem):
+    return problem.residual(x), None
+
+
+def _cost_of(x, problem):
+    return problem.cost(x), None
+
+
+@eqx.filter_jit
+def _begin(method, function, x, problem):
+    shape = jax.eval_shape(lambda x: function(x, problem)[0], x)
+    return method.init(function, x, problem, {}, shape, None, frozenset())
+
+
+@eqx.filter_jit
+def _advance(method, function, x, problem, state):
+    x, state, _ = method.step(function, x, problem, {}, state, frozenset())
+    done, result = method.terminate(function, x, problem, {}, state, frozenset())
+    return x, state, done, result == optx.RESULTS.successful, state.f_info.as_min()
 
 
 @eqx.filter_jit
