@@ -42,5 +42,5 @@ from icjax.estimation._torque import body_index as body_index
 from icjax.estimation._torque import contact_torque as contact_torque
 from icjax.estimation._torque import joint_torque as joint_torque
 from icjax.estimation._torque_error import TorqueDeviation as TorqueDeviation
-from icjax.estimation._torque_error import torque_deviation as torque_deviation
 from icjax.estimation._torque_error import torque_derivatives as torque_derivatives
+from icjax.estimation._torque_error import torque_deviation as torque_deviation
