@@ -40,7 +40,7 @@ class Config:
     starts: int = 100
     factor: float = 5.0
     spread: float = 0.05
-    restarts: int = 1
+    restarts: int = 3
     seed: int = 2006
     batch: int = 20
     cases: tuple[str, ...] = ("static diagonal", "static full", "rollout diagonal", "rollout full")
