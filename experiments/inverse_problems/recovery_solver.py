@@ -26,7 +26,7 @@ class Minimiser:
     """One compiled function for all stages: weights of the data and of the priors are arguments.
 
     `icjax.fit.multi_start` is the same method from optimistix; there a batch steps until its slowest start is finished
-    and compiles for minutes (153 s for this problem), so that a hundred rollouts take hours on two cores.
+    and compiles for minutes (about 150 s for this problem), so that a hundred rollouts take hours on two cores.
     """
 
     def __init__(self, problem: Problem, batch: int = 20, steps: int = 10):
