@@ -79,9 +79,16 @@ def study(truth: Truth, kind: str, config: Config, rng: np.random.Generator) -> 
     """One case: figures, and errors before and after."""
     problem = truth.problem(kind)
     parameters = problem.parameters
-    errors = lambda x: truth.errors(parameters, x)  # noqa: E731
-    good = lambda x: bool(np.all(errors(x) < BOUNDS))  # noqa: E731
-    take = lambda count: truth.starts(parameters, count, rng, config.factor, config.spread)  # noqa: E731
+
+    def errors(x):
+        return truth.errors(parameters, x)
+
+    def good(x):
+        return bool(np.all(errors(x) < BOUNDS))
+
+    def take(count):
+        return truth.starts(parameters, count, rng, config.factor, config.spread)
+
     if kind == "static":
         starts = take(config.starts)
         found = multi_start(problem, starts, tolerance=1e-12, max_steps=200)

@@ -4,13 +4,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from icjax.estimation import compliant_dofs
 from icjax.fit._dynamic import DynamicEquilibrium, whitener
 from icjax.fit._options import FitOptions
 from icjax.fit._parameters import Parameter, Parameters
 from icjax.fit._problem import Problem
 from icjax.fit._repetitions import Repetition, aligned
 from icjax.fit._variability import Curve, Variability, covariance, learn
-from icjax.fit._windows import Motion, contact_frames, fitted_dofs, inertia_along, motion_of, segment_groups, smoothed
+from icjax.fit._windows import Motion, contact_frames, inertia_along, motion_of, segment_groups, smoothed
 from icjax.inference import Identity, Log
 from icjax.model import Model
 from icjax.recording import Session
@@ -64,7 +65,7 @@ def session_problem(session: Session, options: FitOptions | None = None) -> Sess
     trials = session.trials()
     _check(session, trials)
     model = trials[0].model
-    dofs = fitted_dofs(model)
+    dofs = tuple(compliant_dofs(model))
     if not dofs:
         raise ValueError(f"session {session.name!r}: its model has no compliant joint")
     catches = {trial.name: session.catch_trials(trial.name) for trial in trials}

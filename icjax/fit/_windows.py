@@ -11,7 +11,7 @@ import numpy as np
 
 from icjax.capture import lowpass
 from icjax.estimation import Motion as SmoothMotion
-from icjax.estimation import body_index, compliant_dofs, joint_torque, smooth_motion, torque_derivatives
+from icjax.estimation import body_index, joint_torque, smooth_motion, torque_derivatives
 from icjax.fit._options import FitOptions
 from icjax.model import Model, integrate, inverse_dynamics, neutral
 from icjax.recording import Recording
@@ -90,11 +90,6 @@ def motion_of(recording: Recording, dofs: tuple[int, ...]) -> Motion:
     )  # fmt: skip
 
 
-def fitted_dofs(model: Model) -> tuple[int, ...]:
-    """Degrees of freedom whose compliance is fitted: those of `compliant_dofs`."""
-    return tuple(compliant_dofs(model))
-
-
 def linear_inertia(
     model: Model, groups: np.ndarray, dofs: tuple[int, ...], q: Real, v: Real, a: Real
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -110,8 +105,8 @@ def linear_inertia(
     """
     count = int(groups.max()) + 1
     masks = np.stack([groups == group for group in range(count)]).astype(float)
-    parts = _derivatives(model, tuple(dofs), jnp.asarray(masks), *(jnp.asarray(x) for x in (q, v, a)))
-    return tuple(np.asarray(part) for part in parts)  # type: ignore[return-value]
+    A0, A1, A2 = _derivatives(model, tuple(dofs), jnp.asarray(masks), *(jnp.asarray(x) for x in (q, v, a)))
+    return np.asarray(A0), np.asarray(A1), np.asarray(A2)
 
 
 @eqx.filter_jit
@@ -173,8 +168,9 @@ def inertia_along(
     lost: np.ndarray = np.asarray(np.any(np.isnan(np.concatenate([q, v, a], axis=1)), axis=1))
     q = np.where(lost[:, None], np.asarray(neutral(motion.recording.model))[None], q)
     v, a = (np.where(lost[:, None], 0.0, x) for x in (v, a))
-    parts = on_full_blocks(partial(linear_inertia, motion.recording.model, groups, motion.dofs), q, v, a, block=16)
-    return tuple(_between(coarse, part, len(frames)) for part in parts)  # type: ignore[return-value]
+    A0, A1, A2 = on_full_blocks(partial(linear_inertia, motion.recording.model, groups, motion.dofs), q, v, a, block=16)
+    count = len(frames)
+    return _between(coarse, A0, count), _between(coarse, A1, count), _between(coarse, A2, count)
 
 
 def contact_frames(motion: Motion, event: int, options: FitOptions) -> tuple[int, int, int]:

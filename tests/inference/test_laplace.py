@@ -41,7 +41,9 @@ def test_fewer_rows_than_numbers():
 
 
 def test_jacobian_in_batches():
-    function = lambda x: jnp.stack([x[0] * x[1], jnp.sin(x[2]), x[1] ** 2, x[0]])  # noqa: E731
+    def function(x):
+        return jnp.stack([x[0] * x[1], jnp.sin(x[2]), x[1] ** 2, x[0]])
+
     x = jnp.array([1.0, 2.0, 0.3])
     expected = np.array([[2.0, 1.0, 0.0], [0.0, 0.0, np.cos(0.3)], [0.0, 4.0, 0.0], [1.0, 0.0, 0.0]])
     np.testing.assert_allclose(jacobian(function, x, batch=2), expected, atol=1e-14)
