@@ -12,8 +12,8 @@ class FitOptions:
     """Choices of the fit of compliance to the dynamic response after contact.
 
     Reasons of the defaults: up to about 100 ms after a contact muscles act as they were set beforehand (reflexes), a
-    voluntary approach lasts about a quarter of a second, hands weigh what textbooks say to within a factor of two, joints are
-    damped at a ratio of a third to critical or above. The width of the masses' prior and the offsets among the
+    voluntary approach lasts about a quarter of a second, hands weigh what textbooks say to within a factor of two, joints
+    are damped at a ratio of a third to critical or above. The width of the masses' prior and the offsets among the
     parameters were settled while developing on simulated sessions whose truth was known: figures on those sessions are
     no independent test.
 
