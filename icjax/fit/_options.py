@@ -11,11 +11,11 @@ LONGEST_AFTER = 1.0
 class FitOptions:
     """Choices of the fit of compliance to the dynamic response after contact.
 
-    Reasons of the defaults: up to about 100 ms after a contact muscles act as they were set beforehand (reflexes), a
-    voluntary approach lasts about a quarter of a second, hands weigh what textbooks say to within a factor of two, joints
-    are damped at a ratio of a third to critical or above. The width of the masses' prior and the offsets among the
-    parameters were settled while developing on simulated sessions whose truth was known: figures on those sessions are
-    no independent test.
+    Reasons of the defaults: up to about 100 ms after a contact muscles act as they were set beforehand
+    (reflexes), a voluntary approach lasts about a quarter of a second, hands weigh what textbooks say to
+    within a factor of two, joints are damped at a ratio of a third to critical or above. The width of the
+    masses' prior and the offsets among the parameters were settled while developing on simulated sessions
+    whose truth was known: figures on those sessions are no independent test.
 
     **Arguments**
 
