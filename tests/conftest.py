@@ -21,6 +21,7 @@ def _quick_compilation() -> list[str]:
 os.environ["XLA_FLAGS"] = " ".join(
     [os.environ.get("XLA_FLAGS", ""), *_quick_compilation()]
 ).strip()  # read once, by JAX
+os.environ.setdefault("NPROC", "1")  # XLA's threads would fight with the other workers of the suite
 
 import jax
 import jaxtyping

@@ -10,7 +10,9 @@ contacts with two facet pairs (n = 60). Every part runs in a process of its own:
   one `mj_step` a step) and MJX (float32) with the same hand, reference, box and step;
 - gradient: reverse mode of a sum over forces and object, by all compliances, friction, mass and the whole reference
   (12 000 numbers and more); differences through MuJoCo take a rollout a number;
-- many: 256 rollouts with other compliances, frictions and masses, on one CPU device and on two (`shard_map`).
+- many: 256 rollouts with other compliances, frictions and masses, on one core, and on two CPU devices (`shard_map`)
+  in a process of their own. A process that is free to use a second core for one device is slower than one that is
+  not, since XLA passes a rollout's small operations from thread to thread; `NPROC=1` prevents that.
 
 Written to experiments/results/rollout.json. On a machine with an accelerator `--part accelerator` writes
 rollout_gpu.json: rollouts a second under `vmap`.
@@ -136,7 +138,7 @@ def gradient() -> dict:
 
 
 def many(count: int = 256) -> dict:
-    """Rollouts a second on one CPU device and on all of this process."""
+    """Rollouts a second on all CPU devices of this process."""
     import jax
     import jax.numpy as jnp
     import numpy as np
@@ -153,19 +155,15 @@ def many(count: int = 256) -> dict:
     def each(*varied):
         return jax.lax.map(lambda x: run(*x, reference).object_position[-1, 0, 2], varied)
 
-    devices = np.array(jax.devices("cpu"))
-    rows: dict = {"rollouts": count}
-    for number in (1, len(devices)):
-        part = PartitionSpec("device")
-        mesh = Mesh(devices[:number], ("device",))
-        shared = jax.shard_map(each, mesh=mesh, in_specs=part, out_specs=part, check_vma=False)
-        function, _ = compiled(shared, *varied)
-        height, seconds = best(function, *varied, repeats=2)
-        rows[f"a second, {number} device{'s' * (number > 1)}"] = count / seconds
-        rows["lifted"] = int(np.sum(np.asarray(height) > 0.08))
-    rows["devices over one"] = rows[f"a second, {len(devices)} devices"] / rows["a second, 1 device"]
-    rows["memory MB"] = memory()
-    return rows
+    part, mesh = PartitionSpec("device"), Mesh(np.array(jax.devices("cpu")), ("device",))
+    function, _ = compiled(jax.shard_map(each, mesh=mesh, in_specs=part, out_specs=part, check_vma=False), *varied)
+    height, seconds = best(function, *varied, repeats=2)
+    return {
+        "rollouts": count,
+        "a second": count / seconds,
+        "lifted": int(np.sum(np.asarray(height) > 0.08)),
+        "memory MB": memory(),
+    }
 
 
 def accelerator(batches: tuple[int, ...] = (64, 1024, 4096)) -> dict:
@@ -234,12 +232,12 @@ def memory() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
 
 
-def apart(part: str, **environment: str) -> dict:
-    """A part in a process of its own, on one core but for `many`."""
-    flags = f"--xla_force_host_platform_device_count={2 if part == 'many' else 1} --xla_cpu_multi_thread_eigen=false"
+def apart(part: str, devices: int = 1, **environment: str) -> dict:
+    """A part in a process of its own: one device on one core, or two."""
+    flags = f"--xla_force_host_platform_device_count={devices} --xla_cpu_multi_thread_eigen=false"
     settings = {**os.environ, "XLA_FLAGS": flags, **environment}
     command = [sys.executable, str(Path(__file__).resolve()), "--part", part]
-    if part != "many" and hasattr(os, "sched_setaffinity"):
+    if devices == 1 and hasattr(os, "sched_setaffinity"):
         command = ["taskset", "-c", str(min(os.sched_getaffinity(0))), *command]
     found = subprocess.run(command, env=settings, capture_output=True, text=True, check=False)
     if found.returncode:
@@ -271,7 +269,9 @@ def main() -> None:
         rows["MJX"] = json.loads(found.stdout.splitlines()[-1])
         rows["MJX over icjax"] = rows["MJX"]["seconds a step"] / rows["one rollout"]["seconds a step"]
     rows["gradient"] = apart("gradient")
-    rows["many"] = apart("many")
+    rows["many on one core"] = apart("many")
+    rows["many on two devices"] = apart("many", devices=2)
+    rows["two devices over one core"] = rows["many on two devices"]["a second"] / rows["many on one core"]["a second"]
     rows = {name: rounded(value) for name, value in rows.items()}
     for name, value in rows.items():
         print(f"{name}: {value}")

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 import tyro
-from grasp5 import LIFTED, nrmse, scene_of, solids, with_forearm
+from grasp5 import LIFTED, interaction_of, nrmse, scene_of, solids, with_forearm
 from hand_drawing import (
     COLOURS,
     GREY,
@@ -38,10 +38,9 @@ from hand_drawing import (
 from scipy.spatial.transform import Rotation
 from virtual_sessions import RESULTS, SIMULATED, trials_of, truth_of, write
 
-from icjax.estimation import estimate
 from icjax.geometry import Box, Shape
 from icjax.model import Model
-from icjax.recording import Recording, Session
+from icjax.recording import Recording
 from icjax.rollout import Rollout
 from icjax.synthesis import transfer
 from icjax.view import save, solid
@@ -139,7 +138,7 @@ def main(config: Config) -> dict[str, Any]:
     jax.config.update("jax_enable_x64", True)
     trials = {item.name: item for item in trials_of("grasp5", config.cache)}
     recording, solid_of = trials[config.source], solids()
-    interaction = with_forearm(estimate(Session("grasp5", "C", (recording,)))[0], recording)
+    interaction = with_forearm(interaction_of(recording), recording)
     shape, mass, _ = solid_of[config.source]
     scenes = {
         "c: similar box": scene_of(recording, similar_box()),

@@ -22,15 +22,13 @@ from typing import Any
 import jax
 import numpy as np
 import tyro
-from grasp5 import LIFTED, scene_of, solids, with_forearm
+from grasp5 import LIFTED, interaction_of, scene_of, solids, with_forearm
 from hand_drawing import plotting
 from scipy.spatial import ConvexHull
 from virtual_sessions import RESULTS, SIMULATED, trials_of, write
 
-from icjax.estimation import estimate
 from icjax.geometry import Shape
 from icjax.model import forward_kinematics, pad_positions
-from icjax.recording import Session
 from icjax.rollout import Rollout
 from icjax.synthesis import GripTightening, ImminentSlip, Policy, transfer
 from icjax.view import save
@@ -97,7 +95,7 @@ def main(config: Config) -> dict[str, Any]:
     """Capture, estimate, transfer five times, draw, write."""
     jax.config.update("jax_enable_x64", True)
     recording = next(item for item in trials_of("grasp5", config.cache) if item.name == config.source)
-    interaction = with_forearm(estimate(Session("grasp5", "C", (recording,)))[0], recording)
+    interaction = with_forearm(interaction_of(recording), recording)
     friction = float(recording.friction)
     found: dict[str, Rollout] = {}
     result: dict[str, Any] = {"data": SIMULATED, "captured": config.source, "friction": friction, "cases": {}}

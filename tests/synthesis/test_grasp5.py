@@ -13,8 +13,6 @@ from pathlib import Path
 import pytest
 
 from icjax.capture import capture, read_session
-from icjax.estimation import estimate
-from icjax.recording import Session
 from icjax.synthesis import transfer
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "kry_pai_2006"
@@ -50,7 +48,7 @@ def monkeypatch_module():
 
 
 def test_grip_and_lift(experiment, trials):
-    estimated = estimate(Session("grasp5", "C", (trials["box12g"],)))[0]
+    estimated = experiment.interaction_of(trials["box12g"])
     for name, recording in trials.items():
         truth = experiment.truth_of("grasp5", name)
         scene = experiment.scene_of(recording, experiment.solids()[name])
