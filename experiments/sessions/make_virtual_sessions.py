@@ -23,22 +23,32 @@ SUBJECTS = {
 PLACEMENT_SD = 0.0003
 """m, per axis: what the README of the sessions states."""
 
+MASSES = {"HA": 0.45, "PP": 0.020, "MP": 0.011, "DP": 0.006}
+"""kg, hand with its other fingers and the phalanges of an index finger, of a hand that is `HAND_LENGTH` long; they grow
+with its third power. The values of `index_finger`."""
+
+HAND_LENGTH = 0.19
+"""m, wrist to fingertip."""
+
 THICKNESS = {"FA": 0.035, "HA": 0.02, "PP": 0.009, "MP": 0.008, "DP": 0.007}
-"""m, radius of a segment; only its inertia follows from it, which capture does not use."""
+"""m, radius of a segment; it only shapes its inertia."""
 
 
 def subject_model(hand: dict, subject: str) -> str:
     """MJCF of the kinematic model that the session gives to its user."""
     tips = [item["offset"][0] for item in hand["segments"][1:]] + [hand["pad"]["centre"][0]]
     lengths = dict(zip(["HA", "PP", "MP", "DP"], tips, strict=True))
-    text = _body(hand, "FA", -0.2, 0.0, '<freejoint name="root"/>')
+    scale = ((sum(tips) + hand["pad"]["radius"]) / HAND_LENGTH) ** 3
+    text = _body(hand, "FA", -0.2, 0.0, '<freejoint name="root"/>', 'density="1000"')
     indent = "    "
     for item in hand["segments"]:
         indent += "  "
         axis = " ".join(f"{value:g}" for value in item["axis"])
         joint = f'<joint name="{item["joint"]}" type="hinge" axis="{axis}"/>'
         name = item["name"]
-        text += _body(hand, name, 0.0, lengths[name], joint, item["offset"], indent)
+        text += _body(
+            hand, name, 0.0, lengths[name], joint, f'mass="{scale * MASSES[name]:.4g}"', item["offset"], indent
+        )
     pad = hand["pad"]
     text += f'{indent}  <geom name="fingertip" class="pad" type="sphere" pos="{_row(pad["centre"])}"'
     text += f' size="{pad["radius"]!r}"/>\n'
@@ -46,17 +56,17 @@ def subject_model(hand: dict, subject: str) -> str:
         text += "    " + "  " * depth + "</body>\n"
     return (
         f"<!-- Subject {subject} of the simulated sessions: the kinematic model given with them (hand_model.json).\n"
-        "     Segment masses are those of water-filled cylinders. -->\n"
+        "     Segment masses are those of a hand of this length, spread along the segment; the forearm is water. -->\n"
         f'<mujoco model="virtual_subject_{subject}">\n'
         '  <compiler angle="radian"/>\n  <default><default class="pad"><geom mass="0"/></default></default>\n'
         f"  <worldbody>\n{text}  </worldbody>\n</mujoco>\n"
     )
 
 
-def _body(hand, name, start, stop, joint, offset=(0.0, 0.0, 0.0), indent="    "):
+def _body(hand, name, start, stop, joint, weight, offset=(0.0, 0.0, 0.0), indent="    "):
     lines = [f'{indent}<body name="{name}" pos="{_row(offset)}">', f"{indent}  {joint}"]
     place = f'fromto="{start!r} 0 0 {stop!r} 0 0" size="{THICKNESS[name]!r}"'
-    lines.append(f'{indent}  <geom type="cylinder" {place} density="1000"/>')
+    lines.append(f'{indent}  <geom type="cylinder" {place} {weight}/>')
     for number, place in enumerate(hand["markers"][name], 1):
         lines.append(f'{indent}  <site name="{name}{number}" pos="{_row(place)}"/>')
     return "\n".join(lines) + "\n"
