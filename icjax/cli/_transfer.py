@@ -157,10 +157,13 @@ def rollout_text(rollout) -> str:
 
     from icjax.synthesis import why_unsolved
 
-    on_hand = np.array(rollout.on_hand())
-    force = np.linalg.norm(np.asarray(rollout.contact_force)[:, on_hand].sum(axis=1), axis=-1)
+    pads = [pad for (pad, _), mine in zip(rollout.slot_bodies(), rollout.on_hand(), strict=True) if mine]
+    force = np.linalg.norm(np.asarray(rollout.contact_force)[:, np.array(rollout.on_hand())], axis=-1)
+    touching = np.mean(force.sum(axis=1) > 0)
+    text = f"  {len(rollout.time)} steps, in contact {touching:.0%}"
+    if touching:
+        text += f", largest force {force.max():.2f} N ({pads[np.argmax(force.max(axis=0))]})"
     failed = np.flatnonzero(np.asarray(rollout.status))
-    text = f"  {len(rollout.time)} steps, largest force {force.max():.2f} N, in contact {np.mean(force > 0):.0%}"
     if failed.size:
         first = float(rollout.time[failed[0]])
         text += f"\n  {failed.size} steps failed, the first at {first:.3f} s. {why_unsolved(rollout)}"

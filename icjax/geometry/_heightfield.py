@@ -41,11 +41,13 @@ class Heightfield(Shape):
     def __init__(self, heights: Float[Real, "x y"], spacing: Any, reach: float | None = None):
         self.heights = jnp.asarray(heights)
         self.spacing = jnp.broadcast_to(jnp.asarray(spacing, self.heights.dtype), (2,))
-        if min(self.heights.shape) < 2:
+        if self.heights.ndim != 2 or min(self.heights.shape) < 2:
             raise ValueError(f"a heightfield needs two nodes in x and in y; got {list(self.heights.shape)}")
         if not isinstance(self.heights, Tracer) and not np.isfinite(self.heights).all():
             row, column = np.argwhere(~np.isfinite(np.asarray(self.heights)))[0]
             raise ValueError(f"heights of a heightfield must be finite; row {row}, column {column} is not")
+        if reach is not None and not reach > 0:
+            raise ValueError(f"reach of a heightfield must be positive; got {reach:g} m")
         self.cells = 3
         if not isinstance(self.spacing, Tracer):
             smallest = float(np.min(np.asarray(self.spacing)))

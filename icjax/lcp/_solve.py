@@ -13,6 +13,9 @@ from icjax.lcp._lemke import BREAKDOWN, INVALID, MAX_PIVOTS, RAY, SOLVED, Lemke,
 from icjax.results import RESULTS, Solution
 from icjax.typing import Float, Real
 
+WORTH_CHOOSING = 96
+"""n below which the derivative solves for all rows: the choice costs as much as it saves."""
+
 LEAST, MOST = 16, 1024
 """n from which to which a problem is one kernel. XLA makes one of a loop over less than a kilobyte by itself; one
 within the other ends the process, and so does a kernel for n = 1330 (seen with jaxlib 0.10.2)."""
@@ -143,11 +146,31 @@ def _changed(solver: Lemke, arguments, tangents) -> tuple[Outcome, Outcome]:
     if q.shape[0] == 0:
         z_dot = q_dot
     else:
-        matrix = jnp.where(basis[:, None] & basis[None, :], M, jnp.eye(q.shape[0], dtype=M.dtype))
         change = jnp.matmul(M_dot, z, precision=lax.Precision.HIGHEST) + q_dot
-        z_dot = jnp.linalg.solve(matrix, -jnp.where(basis, change, 0.0))
+        z_dot = _on_basis(M, basis, -change)
     rest = dict.fromkeys(set(Outcome._fields) - {"z"})
     return outcome, outcome._replace(z=z_dot, **rest)
+
+
+def _on_basis(M, basis, right):
+    """x with M x = `right` on the basis and zero off it.
+
+    Facets of a friction cone make a large problem with a small basis: a system of a quarter or half of the rows is
+    solved where they hold it, which is 64 or 8 times less work than all rows.
+    """
+    n = M.shape[0]
+    if n < WORTH_CHOOSING:
+        return _on_rows(n, M, basis, right)
+    sizes = (n // 4, n // 2, n)
+    level = jnp.searchsorted(jnp.array(sizes), jnp.sum(basis))
+    return lax.switch(level, [partial(_on_rows, size) for size in sizes], M, basis, right)
+
+
+def _on_rows(size, M, basis, right):
+    rows = jnp.argsort(~basis, stable=True)[:size]
+    on = basis[rows]
+    matrix = jnp.where(on[:, None] & on[None, :], M[rows[:, None], rows[None, :]], jnp.eye(size, dtype=M.dtype))
+    return jnp.zeros_like(right).at[rows].add(jnp.linalg.solve(matrix, jnp.where(on, right[rows], 0.0)))
 
 
 def _integral(*arrays) -> bool:

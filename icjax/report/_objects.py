@@ -38,7 +38,7 @@ def objects(rollouts: Sequence[Rollout]) -> Section | None:
         "time step. Overlap is the deepest between an object and anything but a pad, which is soft."
     )
     head = ["object", "rollout", "weight (N)", "mean contact force up (N)", "moved (mm)", "most lifted (mm)",
-            "most tilted (deg)", "fastest (mm/s)", "hand's largest force (N)", "overlap (mm)"]  # fmt: skip
+            "most tilted (deg)", "fastest (mm/s)", "hand's largest net force (N)", "overlap (mm)"]  # fmt: skip
     return Section("objects", "Objects", body + table(head, rows, words=(0, 1)) + figures)
 
 

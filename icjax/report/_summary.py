@@ -9,7 +9,7 @@ import numpy as np
 from icjax.interaction import Interaction
 from icjax.recording import Recording
 from icjax.rollout import Rollout
-from icjax.view import force_components, scene_name
+from icjax.view import scene_name
 
 Recordings = Sequence[Recording]
 Interactions = Sequence[Interaction]
@@ -69,12 +69,16 @@ def key_figures(recordings: Recordings, interactions: Interactions, rollouts: Ro
     """The tiles under the title."""
     figures = []
     if recordings:
-        forces = [force_components(item)[0].max(initial=0.0) for item in recordings if item.role == "trial"]
+        forces = [
+            np.linalg.norm(np.nan_to_num(item.contact_force), axis=-1).max(initial=0.0)
+            for item in recordings
+            if item.role == "trial"
+        ]
         scope = "the one trial" if len(forces) == 1 else f"all {len(forces)} trials"
         contacts = sum(len(item.events.onset) for item in recordings if item.role == "trial")
         figures.append((str(contacts), f"contacts, {scope}"))
         if any(item.contact_names for item in recordings):
-            figures.append((f"{max(forces, default=0.0):.2f} N", f"largest vertical force, {scope}"))
+            figures.append((f"{max(forces, default=0.0):.2f} N", f"largest contact force, {scope}"))
         every = "the one recording" if len(recordings) == 1 else f"all {len(recordings)} recordings"
         residual = np.concatenate([np.asarray(item.marker_residual).ravel() for item in recordings])
         if np.isfinite(residual).any():

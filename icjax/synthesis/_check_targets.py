@@ -22,6 +22,7 @@ def check_targets(model: Model, scene: Scene, targets: Target, begins: bool = Tr
 
     **Arguments**: `begins` whether the objects stand where the scene has them.
     """
+    _check_pads(model)
     _check_shapes(model, scene, targets)
     for name in ("reference", "compliance", "wrench", "path"):
         value = getattr(targets, name)
@@ -56,12 +57,27 @@ def check_start(model: Model, scene: Scene, gap: Float[Real, " slot"]) -> None:
         )
 
 
+def _check_pads(model: Model) -> None:
+    for name, low in (("pad_compliance", 0.0), ("pad_radius", np.nextafter(0.0, 1.0))):
+        value = known(getattr(model, name))
+        if value is None or (value >= low).all() and np.isfinite(value).all():
+            continue
+        at = int(np.argmin((value >= low) & np.isfinite(value)))
+        raise ValueError(f"model {model.name!r}: {name} of {model.pad_names[at]!r} is {value[at]:g}")
+
+
 def _check_shapes(model: Model, scene: Scene, targets: Target) -> None:
+    for name in ("reference", "compliance"):
+        kind = getattr(getattr(targets, name), "dtype", None)
+        if kind is None or not jnp.issubdtype(kind, jnp.floating):
+            raise TypeError(f"targets: {name} must be an array of floating numbers; got {kind or 'no array'}")
     reference, compliance = jnp.shape(targets.reference), jnp.shape(targets.compliance)
     rows = reference[:1]
     if reference[1:] != (model.nq,) or compliance[1:] not in ((model.nv,), (model.nv, model.nv)):
         found = reference[1:], compliance[1:]
         raise ValueError(f"targets must be [time, {model.nq}] and [time, {model.nv}]; got [time, ...] {found}")
+    if not rows[0]:
+        raise ValueError("targets have no rows")
     driven = sum(item.driven for item in scene.objects)
     for name, value, count, size in (
         ("wrench", targets.wrench, len(scene.objects), 6),

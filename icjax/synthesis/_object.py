@@ -19,7 +19,7 @@ from icjax.spatial import (
     skew,
 )
 from icjax.synthesis._bodies import Admittance
-from icjax.synthesis._surface import FARTHEST, check_rotation, check_size, check_solid, described, known
+from icjax.synthesis._surface import FARTHEST, check_number, check_rotation, check_size, check_solid, described, known
 from icjax.typing import Float, Matrix3, Real, Scalar, Vector3
 
 _ITERATIONS = 4  # of Newton's method for the spin; each leaves (h omega)^2 / 6 of its error
@@ -78,11 +78,12 @@ class Object(eqx.Module):
             raise TypeError(f"object {name!r}: {shape!r} is no shape of icjax.geometry")
         if pose is not None and not isinstance(pose, Pose):
             raise TypeError(f"object {name!r}: its pose must be an icjax.spatial.Pose; got {pose!r}")
+        check_number(f"object {name!r}: friction", friction)
         if driven:  # nothing that follows depends on the numbers
             even, mass = MassProperties(jnp.ones(()), jnp.zeros(3), jnp.eye(3)), 1.0
         else:
             stated: Any = density if mass is None else mass
-            check_size(f"object {name!r}: {'density' if mass is None else 'mass'}", stated, ())
+            check_number(f"object {name!r}: {'density' if mass is None else 'mass'}", stated)
             even = shape.mass_properties()
             mass = stated * even.volume if mass is None else mass
         self.name, self.shape = name, shape

@@ -31,6 +31,8 @@ def place_objects(model: Model, scene: Scene, targets: Target, pads: Sequence[st
     """
     if all(item.driven for item in scene.objects):
         raise ValueError("the scene has no free object to place")
+    if not model.pad_names:
+        raise ValueError(f"model {model.name!r} has no pads that could touch an object")
     wanted = [model.pad(name) for name in (model.pad_names if pads is None else pads)]
     touching = _touching(model, scene, _through(model, scene, targets))[:, wanted]
     together = touching.all(axis=1)

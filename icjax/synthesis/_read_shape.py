@@ -121,8 +121,9 @@ def _union(table: Table) -> Shape:
 def _mesh(table: Table) -> Shape:
     file = table.path.parent / table.text("file")
     scale, spacing = table.number("scale", 1.0, above=0.0), table.number("spacing", None, above=0.0)
+    repair = table.flag("repair", False)
     try:
-        return read_mesh(file, scale=scale, spacing=spacing, repair=table.flag("repair", False))
+        return read_mesh(file, scale=scale, spacing=spacing, repair=repair)
     except ValueError as error:
         raise table.error(f"key 'file': {error}") from error
 

@@ -74,6 +74,8 @@ def rollout(
     slots(model, scene)  # errors with the names that people gave
     named = scene
     scene = dataclasses.replace(scene, limits=min(scene.limits, _limited(model)))
+    if policy is not None and not isinstance(policy, Policy):
+        raise TypeError(f"policy must be a Policy or None; got {policy!r}")
     if policy is None:
         scene = _unnamed(scene)
     model, targets = jax.tree.map(jnp.asarray, (model, targets))

@@ -64,6 +64,10 @@ class Scene(eqx.Module):
     limits: int = eqx.field(static=True, default=4)
 
     def __check_init__(self):
+        for field, kind in (("surfaces", Surface), ("objects", Object), ("frictions", PairFriction)):
+            for item in _items(field, getattr(self, field)):
+                if not isinstance(item, kind):
+                    raise TypeError(f"{field} must be of {kind.__name__}; got {type(item).__name__}")
         names = [thing.name for thing in (*self.surfaces, *self.objects)]
         if not names:
             raise ValueError("surfaces is empty; a scene needs at least one, or an object")
@@ -75,6 +79,8 @@ class Scene(eqx.Module):
             raise ValueError(f"contacts must be a number of at least 1, or None for all; got {self.contacts}")
         if not isinstance(self.limits, int) or self.limits < 0:
             raise ValueError(f"limits must be a number of at least 0; got {self.limits}")
+        if not isinstance(self.step, float | int):
+            raise TypeError(f"step must be a number of seconds; got {self.step!r}")
         if not (self.step >= SHORTEST_STEP and np.isfinite(self.step)):
             raise ValueError(f"step must be a positive time of at least {SHORTEST_STEP:g} s; got {self.step}")
         for name in names:
@@ -110,3 +116,9 @@ class Scene(eqx.Module):
                 {"names": list(pair.names), "friction": float(pair.friction)} for pair in self.frictions
             ]
         return json.dumps(content)
+
+
+def _items(field: str, value: object) -> tuple:
+    if not isinstance(value, tuple):
+        raise TypeError(f"{field} must be a tuple; got {type(value).__name__}")
+    return value

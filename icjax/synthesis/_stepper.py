@@ -76,7 +76,12 @@ class StepInfo(eqx.Module):
 
 
 def init(model: Model, scene: Scene, q: Float[Real, " nq"]) -> State:
-    """State at configuration `q`, objects at start; pads unloaded: the first step pushes out their penetration."""
+    """State at configuration `q`, objects at start; pads unloaded: the first step pushes out their penetration.
+
+    **Errors**: `ValueError` for a `q` of another size.
+    """
+    if jnp.shape(q) != (model.nq,):
+        raise ValueError(f"q must be {model.nq} numbers, the coordinates of model {model.name!r}; got {jnp.shape(q)}")
     motions = tuple(at_start(item) for item in scene.objects)
     contacts = find_contacts(model, scene, q, motions=motions)
     return State(q=jnp.asarray(q), pad_force=jnp.zeros_like(contacts.point), contacts=contacts, motions=motions)

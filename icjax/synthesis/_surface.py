@@ -20,6 +20,10 @@ FARTHEST = 1e3
 SMALLEST = 1e-6
 """m; a smaller radius is no surface that a fingertip feels."""
 
+_SHAPES = {
+    **dict.fromkeys(("radii", "half_sizes", "centre", "point", "normal_direction", "position"), (3,)),
+    **dict.fromkeys(("radius", "half_length"), ()),
+}
 _SIZES = ("radii", "half_sizes", "radius", "half_length", "spacing")
 
 
@@ -75,6 +79,13 @@ def check_size(what: str, value: Any, size: tuple[int, ...]) -> None:
         raise ValueError(f"{what} must be {wanted}; got an array {list(np.shape(value))}")
 
 
+def check_number(what: str, value: Any) -> None:
+    """**Errors**: `TypeError` for text or nothing where a number is wanted, `ValueError` for an array."""
+    if value is None or isinstance(value, str | bytes):
+        raise TypeError(f"{what} must be one number; got {value!r}")
+    check_size(what, value, ())
+
+
 def check_rotation(what: str, rotation: Any) -> None:
     """**Errors**: `ValueError` for a matrix that is known and no rotation."""
     check_size(what, rotation, (3, 3))
@@ -85,6 +96,8 @@ def check_rotation(what: str, rotation: Any) -> None:
 
 def _check_numbers(what: str, fields: dict[str, Any]) -> None:
     for name, value in fields.items():
+        if name in _SHAPES:
+            check_size(f"{what}: {name}", value, _SHAPES[name])
         value = known(value)
         if value is None:
             continue

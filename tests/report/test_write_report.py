@@ -131,7 +131,7 @@ def test_what_the_numbers_cover_is_said(tmp_path):
     session = Session(name="two", subject="nobody", recordings=(recording, make_recording("trial01", seed=8)))
     path = write_report(tmp_path / "report.html", session=session, interactions=(interaction,), metrics=metrics)
     text = path.read_text(encoding="utf-8")
-    for words in ("largest vertical force, all 2 trials", "median marker residual, all 2 recordings", "was estimated",
+    for words in ("largest contact force, all 2 trials", "median marker residual, all 2 recordings", "was estimated",
                   "biased: inertia, damping and planned deceleration; see the caution", "truth (virtual subject)",
                   "0.234", "not stated", "Kry and Pai 2006"):  # fmt: skip
         assert words in text
