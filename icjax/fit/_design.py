@@ -16,7 +16,7 @@ from icjax.fit._planned import BLOCK, Plan, jacobians
 from icjax.fit._probe import Instruments, Probe, check_probe
 from icjax.fit._session import _parameters
 from icjax.fit._variability import TYPICAL, Variability
-from icjax.fit._windows import POINT_SD, linear_inertia, segment_groups
+from icjax.fit._windows import POINT_SD, _coordinates, linear_inertia, segment_groups
 from icjax.inference import QUANTILE, jacobian, laplace
 from icjax.model import Model, neutral
 from icjax.running import on_full_blocks
@@ -44,7 +44,8 @@ class Design:
     - `torque` Nm and `deflection` rad [probe, joint]: largest of one contact in the window that is compared;
       `doubt` rad [probe, joint]: standard deviation of the angle against its repetitions at the end of that window,
       given the time before contact.
-    - `factor` [probe, number, number]: R of one contact, R^T R its information on x of `parameters`.
+    - `factor` [probe, number, number]: R of one contact, R^T R its information on x of `parameters`; `prior`
+      the Jacobian of the priors.
     """
 
     probes: tuple[Probe, ...]
@@ -53,11 +54,12 @@ class Design:
     catch_trials: int
     parameters: Parameters
     factor: Float[np.ndarray, "probe number number"]
+    prior: Float[np.ndarray, "row number"]
     torque: Float[np.ndarray, "probe joint"]
     deflection: Float[np.ndarray, "probe joint"]
     doubt: Float[np.ndarray, "probe joint"]
 
-    def expected(self, chosen: Sequence[int], contacts: float | None = None) -> Expectation:
+    def expected(self, chosen: Sequence[int], contacts: float | int | None = None) -> Expectation:
         """Of probes together, by their numbers; a number that stands twice counts twice.
 
         **Arguments**: `contacts` in all, shared evenly; default each probe's own.
@@ -68,9 +70,7 @@ class Design:
             raise ValueError(f"chosen = {list(chosen)}: must be numbers of probes, 0 to {len(self.probes) - 1}")
         times = [self.probes[item].contacts if contacts is None else contacts / len(chosen) for item in chosen]
         data = np.concatenate([np.sqrt(n) * self.factor[item] for item, n in zip(chosen, times, strict=True)])
-        start = self.parameters.start
-        prior = np.asarray(_prior_rows(self.parameters, start))
-        known = laplace(data, prior, scale=1.0 / np.linalg.norm(prior, axis=0))
+        known = laplace(data, self.prior, scale=1.0 / np.linalg.norm(self.prior, axis=0))
         at = self.parameters.slices["compliance"]
         sd = np.asarray(known.sd)[at]
         width = np.exp(2.0 * QUANTILE * sd)
@@ -90,7 +90,7 @@ class Design:
         """Probes by the largest width of any joint, best first, equal ones by the product of all widths."""
         return tuple(sorted(range(len(self.probes)), key=lambda item: _badness(self.expected([item]).width)))
 
-    def best_set(self, k: int, contacts: float | None = None) -> tuple[int, ...]:
+    def best_set(self, k: int, contacts: float | int | None = None) -> tuple[int, ...]:
         """k probes, the next always the one with which the largest width of any joint is least (greedy).
 
         **Arguments**: `contacts` in all, shared evenly among those chosen so far; default each probe's own.
@@ -135,8 +135,9 @@ def design(
 
     Assumed: posture, Jacobian and inertia stay those of the first touch; contacts are independent, their number alone
     makes intervals narrower; the force itself is measured without noise, by one sensor for all probes; the plane is
-    rigid and at rest; the window before contact is free of the contact before; no outlier, no dropout. The nominal C
-    matters: a stiffer joint deflects less, so its interval is wider. A session needs at least three contacts.
+    rigid and at rest, and so is a root that yields; the window before contact is free of the contact before; there are
+    no outliers and no dropouts. The nominal C matters: a stiffer joint deflects less, so its interval is wider. A
+    session needs at least three contacts.
 
     **Arguments**: `catch_trials` of every trial; `noise` of the instruments; `variability` of repetitions, of a pilot
     session (`session_problem(...).variability`) or typical.
@@ -178,12 +179,14 @@ def design(
     factor = np.stack([np.linalg.qr(np.concatenate([item, np.zeros((item.shape[1],) * 2)]), mode="r") for item in J])
     told = [np.stack([np.asarray(event[key]) for event in events]) for key in ("peak", "deflection", "doubt")]
     names = tuple(model.dof_names[dof] for dof in dofs)
-    return Design(probes, names, options, catch_trials, parameters, factor, *told)
+    prior = np.asarray(_prior_rows(parameters))
+    return Design(probes, names, options, catch_trials, parameters, factor, prior, *told)
 
 
 def _check(model: Model, probes: tuple[Probe, ...], catch_trials: int, dofs: tuple[int, ...]) -> None:
     if not dofs:
         raise ValueError(f"model {model.name!r} has no compliant joint")
+    _coordinates(model, dofs)
     if not probes:
         raise ValueError("probes: none given")
     if isinstance(catch_trials, bool) or not isinstance(catch_trials, int) or catch_trials < 1:
@@ -198,8 +201,8 @@ def _check(model: Model, probes: tuple[Probe, ...], catch_trials: int, dofs: tup
 
 
 @eqx.filter_jit
-def _prior_rows(parameters: Parameters, x):
-    return jacobian(parameters.prior, x)
+def _prior_rows(parameters: Parameters):
+    return jacobian(parameters.prior, parameters.start)
 
 
 def _badness(width: np.ndarray) -> tuple[float, float]:

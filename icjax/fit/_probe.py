@@ -2,11 +2,15 @@
 
 import dataclasses
 import math
+from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 
 from icjax.fit._session import LEAST_AFTER
 from icjax.model import Model
+
+Numbers: TypeAlias = Sequence[float | int] | np.ndarray
 
 PAD_STIFFNESS = 750.0
 """N/m, of a fingertip's pulp between bone and surface where the model states none."""
@@ -32,26 +36,26 @@ class Probe:
     **Errors**: `ValueError` naming the argument and its value.
     """
 
-    q: tuple[float, ...]
+    q: Numbers
     contact: str
-    normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    normal: Numbers = (0.0, 0.0, 1.0)
     speed: float = 0.1
     duration: float = 0.1
     contacts: int = 12
     name: str = "probe"
     friction: float = 0.6
-    slide: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    slide: Numbers = (0.0, 0.0, 0.0)
     depth: float = math.inf
     hover: float = 0.02
     pad_stiffness: float | None = None
-    point: tuple[float, float, float] | None = None
+    point: Numbers | None = None
 
     def __post_init__(self):
         for name in ("q", "normal", "slide", "point"):
             value = getattr(self, name)
             if value is None:
                 continue
-            numbers = tuple(float(item) for item in value)
+            numbers = tuple(np.asarray(value, float).ravel().tolist())
             if not all(map(math.isfinite, numbers)) or (name != "q" and len(numbers) != 3):
                 raise self._error(name, value, "finite numbers" if name == "q" else "three finite numbers")
             object.__setattr__(self, name, numbers)
