@@ -1,5 +1,8 @@
 """Fit compliance, reference trajectory and all else that a measurement depends on, and say how sure the result is."""
 
+from icjax.fit._candidates import finger_candidates as finger_candidates
+from icjax.fit._candidates import finger_normal as finger_normal
+from icjax.fit._candidates import finger_posture as finger_posture
 from icjax.fit._design import Design as Design
 from icjax.fit._design import Expectation as Expectation
 from icjax.fit._design import design as design
@@ -13,6 +16,8 @@ from icjax.fit._probe import Instruments as Instruments
 from icjax.fit._probe import Probe as Probe
 from icjax.fit._problem import Measurement as Measurement
 from icjax.fit._problem import Problem as Problem
+from icjax.fit._read_design import Planned as Planned
+from icjax.fit._read_design import read_design as read_design
 from icjax.fit._result import JointFit as JointFit
 from icjax.fit._result import SessionFit as SessionFit
 from icjax.fit._result import fit_session as fit_session
