@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from icjax.fit._probe import Probe
+from icjax.fit._probe import Numbers, Probe
 from icjax.model import Model, neutral
 
 SHAPES = {"straight": (3, 18, 10, 7), "exploring": (3, 18, 27, 20), "bent": (3, 18, 50, 33), "hooked": (3, 18, 70, 46)}
@@ -12,18 +12,18 @@ ANGLES = {"flat pad": 0, "oblique": 45, "near the tip": 70}
 """Degrees between the surface and the distal segment."""
 
 
-def finger_posture(model: Model, degrees: tuple[float, ...]) -> tuple[float, ...]:
+def finger_posture(model: Model, degrees: Numbers) -> tuple[float, ...]:
     """Coordinates of the index finger with given flexions of wrist, MP, PIP and DIP, all else neutral."""
     q = np.array(neutral(model), float)
-    for joint, angle in zip(("wrist", "MP", "PIP", "DIP"), degrees, strict=True):
+    for joint, angle in zip(("wrist", "MP", "PIP", "DIP"), np.asarray(degrees, float), strict=True):
         q[model.coordinate_slices[model.joint(joint)]] = np.radians(angle)
     return tuple(q.tolist())
 
 
-def finger_normal(degrees: tuple[float, ...], angle: float) -> tuple[float, float, float]:
+def finger_normal(degrees: Numbers, angle: float | int) -> tuple[float, float, float]:
     """Normal, world axes, of a surface that meets the index finger's distal segment at an angle (degrees): at 0 the pad
     lies flat on it, at 90 the fingertip stands on it. The forearm is level; flexions add up to the segment's pitch."""
-    lean = np.radians(sum(degrees) - angle)
+    lean = np.radians(np.sum(np.asarray(degrees, float)) - angle)
     return float(np.sin(lean)), 0.0, float(np.cos(lean))
 
 

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from icjax.fit import FitOptions, Instruments, Probe, Variability, design
+from icjax.fit import FitOptions, Instruments, Probe, Variability, design, finger_normal, finger_posture
 from icjax.fit._expected_contact import contact_force, intended, smooth_force, touch_of
 from icjax.inference import QUANTILE
 from icjax.model import index_finger, load_model
@@ -14,9 +14,10 @@ from icjax.model import index_finger, load_model
 MODEL = index_finger(0.19, "fixed")
 EXPLORING = tuple(np.radians((3.0, 18.0, 27.0, 20.0)))
 TAP = Probe(EXPLORING, "fingertip", name="tap")
+HOOKED = (3.0, 18.0, 70.0, 46.0)
 PROBES = (
     TAP,
-    Probe(EXPLORING, "fingertip", name="poke", normal=(-1, 0, 1)),
+    Probe(finger_posture(MODEL, HOOKED), "fingertip", finger_normal(HOOKED, 0.0), name="hooked, flat pad"),
     Probe(EXPLORING, "fingertip", name="stroke", slide=(-0.1, 0, 0)),
     Probe(EXPLORING, "fingertip", name="fast tap", speed=0.2),
 )
@@ -58,7 +59,7 @@ def test_more_catch_trials_and_more_speed_tell_more(planned):
 
 
 def test_the_middle_joint_is_barely_loaded_by_a_tap_that_sticks(planned):
-    """Poked along 45 degrees the same finger tells all joints."""
+    """Bent further, with its pad flat on the surface, the finger tells all joints."""
     assert planned.refused[0, 2]
     assert not planned.refused[1].any()
     assert planned.torque[1, 2] > 3 * planned.torque[0, 2]

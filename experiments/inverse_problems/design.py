@@ -1,0 +1,290 @@
+"""Which contacts tell which joint: expected widths of 95 % intervals, held against those that fits find afterwards.
+
+    python experiments/inverse_problems/design.py
+
+1. Sessions of the virtual laboratory (a MuJoCo subject with skin, tremor, noise of cameras and sensor; other physics
+   than ours): `design` is told what an experimenter would plan, posture, speed, depth and friction of every contact,
+   and the model's nominal compliance or the subject's true one. Its standard deviations of log C are divided by those
+   of `fit_session` on the recording: 1 is perfect, `BOUND` is what we promise for the subject's own compliance.
+2. The shipped index finger against a surface, for every flexion of PIP (DIP two thirds of it) and every angle between
+   the surface and the distal segment; then one exploring and one better contact over number of contacts, catch trials
+   and speed. Writes design.json and design.png.
+"""
+
+import dataclasses
+import json
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+import tyro
+from recovery import rounded
+from scipy.optimize import root_scalar
+
+from icjax.capture import capture, read_session
+from icjax.fit import Probe, design, finger_candidates, finger_normal, finger_posture, fit_session
+from icjax.laboratory import record
+from icjax.model import index_finger
+
+BOUND = 1.5
+"""Factor between expected and found standard deviations of log C; see `validate`."""
+
+JOINTS = ("wrist", "MP", "PIP", "DIP")
+OPEN, INK = "#5B616B", ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """A session: true compliance rad/Nm, catch trials of every trial, trials and contacts in each."""
+
+    name: str
+    seed: int
+    compliance: tuple[float, float, float, float] = (0.25, 0.70, 0.45, 1.10)
+    catch: int = 2
+    trials: int = 4
+    contacts: int = 3
+    friction: float = 0.6
+
+
+@dataclasses.dataclass(frozen=True)
+class Config:
+    """`cases` to validate; of the map: degrees of wrist and MP, of PIP, of the angle to the surface; of the curves:
+    numbers of contacts and catch trials, speeds m/s."""
+
+    cases: tuple[Case, ...] = (
+        Case("two catch trials", 11),
+        Case("one catch trial", 12, catch=1),
+        Case("stiffer finger", 13, compliance=(0.15, 0.40, 0.30, 0.70)),
+        Case("six trials, slippery", 14, trials=6, friction=0.3),
+    )
+    wrist: float = 3.0
+    knuckle: float = 18.0
+    flexions: tuple[float, ...] = tuple(range(0, 97, 8))
+    angles: tuple[float, ...] = tuple(range(0, 91, 6))
+    contacts: tuple[int, ...] = (3, 6, 12, 24, 48, 96)
+    catches: tuple[int, ...] = (1, 2, 3, 4, 8)
+    speeds: tuple[float, ...] = (0.03, 0.05, 0.1, 0.2, 0.3)
+    out: Path = Path(__file__).resolve().parents[1] / "results" / "inverse_problems"
+
+
+def main(config: Config) -> dict[str, Any]:
+    """Validation, map, curves, best probes; JSON and figure."""
+    jax.config.update("jax_enable_x64", True)
+    config.out.mkdir(parents=True, exist_ok=True)
+    stated = dataclasses.asdict(config)
+    del stated["out"]
+    result: dict[str, Any] = {"config": stated, "joints": JOINTS}
+    result["map"] = landscape(config)
+    result["curves"] = curves(config)
+    result["candidates"] = best()
+    result["validation"] = {case.name: validate(case) for case in config.cases}
+    ratios = np.array([case["found / expected, own compliance"] for case in result["validation"].values()])
+    print(f"found / expected sd of log C, own compliance: {ratios.min():.2f} to {ratios.max():.2f}")
+    result["within"] = {"bound": BOUND, "share": float(np.mean((ratios < BOUND) & (ratios > 1 / BOUND)))}
+    (config.out / "design.json").write_text(json.dumps(rounded(result), indent=1) + "\n")
+    draw(result, config, config.out / "design.png")
+    return result
+
+
+def validate(case: Case) -> dict[str, Any]:
+    """Expected against found: sd of log C from the plan alone, and from the fit of the recording."""
+    with tempfile.TemporaryDirectory() as folder:
+        paths = record(
+            folder, seed=case.seed, trials=case.trials, contacts=case.contacts, compliance=case.compliance,
+            catch=case.catch, friction=case.friction,
+        )  # fmt: skip
+        said = json.loads((paths.session.parent / "truth" / "subject.json").read_text())
+        fit = fit_session(capture(read_session(paths.session)))
+    model = index_finger(said["subject"]["hand_length"])
+    probes = planned(said, case.friction)
+    place = fit.made.problem.parameters.slices["compliance"]
+    found = np.asarray(fit.laplace.sd)[place]
+    own = np.array(model.compliance)
+    own[-4:] = case.compliance
+    told: dict[str, Any] = {"contacts fitted": len(fit.made.windows), "planned": len(probes), "found sd": found}
+    told["found width"] = [joint.width for joint in fit.joints]
+    told["found compliance"] = [joint.compliance for joint in fit.joints]
+    for what, compliance in (("nominal", model.compliance), ("own", own)):
+        plan = design(dataclasses.replace(model, compliance=compliance), probes, case.catch)
+        known = plan.expected(range(len(probes)))
+        told |= {f"expected width, {what} compliance": known.width, f"expected sd, {what} compliance": known.sd}
+        told[f"found / expected, {what} compliance"] = found / known.sd
+    measured = np.array([_peak(fit, window) for window in fit.made.windows])
+    if len(measured) == len(probes):
+        told["largest torque, measured / expected, median"] = np.median(measured / plan.torque, axis=0)
+    for key in ("found width", "expected width, nominal compliance", "expected width, own compliance"):
+        print(f"{case.name:22s} {key:36s} " + " ".join(f"{value:7.2f}" for value in told[key]), flush=True)
+    return told
+
+
+def _peak(fit, window) -> np.ndarray:
+    return np.abs(fit.made.motions[window.trial].torque[window.onset : window.last + 1]).max(axis=0)
+
+
+def planned(said: dict[str, Any], friction: float) -> list[Probe]:
+    """The laboratory's planned touches as probes: each a straight least-jerk path onto the plate."""
+    from icjax.laboratory import Subject, Surface
+    from icjax.laboratory._movement import reach
+
+    own = {key: tuple(value) if isinstance(value, list) else value for key, value in said["subject"].items()}
+    subject, surface = Subject(**own), Surface(friction=friction)
+    probes = []
+    for trial, touches in enumerate(said["touches"]):
+        for number, touch in enumerate(touches):
+            way = touch["hover"] + touch["depth"]
+            at = root_scalar(
+                lambda u, part=touch["hover"] / way: 10 * u**3 - 15 * u**4 + 6 * u**5 - part, bracket=(0.0, 1.0)
+            ).root
+            speed = 30 * at**2 * (1 - at) ** 2 * way / touch["descent"]
+            angles = reach(subject, surface, touch["x_from"] + touch["lead"] * touch["depth"] / way, 0.0)
+            probes.append(
+                Probe(
+                    (0, 0, 0, 1, 0, 0, 0, *angles),
+                    "fingertip",
+                    speed=speed,
+                    depth=touch["depth"],
+                    slide=(-touch["lead"] / way * speed, 0.0, 0.0),
+                    hover=touch["hover"],
+                    friction=friction,
+                    contacts=1,
+                    name=f"trial {trial} touch {number}",
+                )  # fmt: skip
+            )
+    return probes
+
+
+def landscape(config: Config) -> dict[str, Any]:
+    """Widths of every joint over flexion of PIP and angle to the surface, 12 contacts and 2 catch trials."""
+    model = index_finger()
+    probes = []
+    for flexion in config.flexions:
+        degrees = (config.wrist, config.knuckle, float(flexion), 2 / 3 * flexion)
+        for angle in config.angles:
+            name = f"PIP {flexion:g}, {angle:g} degrees to the surface"
+            probes.append(Probe(finger_posture(model, degrees), "fingertip", finger_normal(degrees, angle), name=name))
+    plan = design(model, probes)
+    shape = (len(config.flexions), len(config.angles), len(JOINTS))
+    worst, order = plan.widths.max(axis=1), plan.ranking()
+    print("best of the map:")
+    for item in order[:5]:
+        print(f"  {probes[item].name:44s} " + " ".join(f"{value:6.2f}" for value in plan.widths[item]))
+    chosen = plan.best_set(3, 12)
+    print("best three together, 12 contacts: " + "; ".join(probes[item].name for item in chosen))
+    return {
+        "width": plan.widths.reshape(shape),
+        "torque Nm": plan.torque.reshape(shape),
+        "share with a number of every joint": float(np.mean(worst <= plan.options.widest)),
+        "share with a number": {
+            joint: float(np.mean(plan.widths[:, j] <= plan.options.widest)) for j, joint in enumerate(JOINTS)
+        },
+        "best": [{"probe": probes[item].name, "width": plan.widths[item]} for item in order[:5]],
+        "best three, 12 contacts": {
+            "probes": [probes[item].name for item in chosen],
+            "width": plan.expected(chosen, 12).width,
+        },
+    }
+
+
+CURVES = ("exploring, level plate", "bent, oblique")
+
+
+def curves(config: Config) -> dict[str, Any]:
+    """Widths of an exploring contact and of a better one over contacts, catch trials and speed."""
+    model = index_finger()
+    known = {probe.name: probe for probe in finger_candidates(model)}
+    chosen = [known[name] for name in CURVES]
+    plan = design(model, chosen)
+    catches = [design(model, chosen, count).widths for count in config.catches]
+    faster = [
+        dataclasses.replace(probe, speed=speed, name=f"{probe.name} {speed}")
+        for probe in chosen
+        for speed in config.speeds
+    ]
+    speeds = design(model, faster).widths.reshape(len(chosen), len(config.speeds), -1)
+    told = {}
+    for item, name in enumerate(CURVES):
+        told[name] = {
+            "contacts": [plan.expected([item], count).width for count in config.contacts],
+            "catch trials": [widths[item] for widths in catches],
+            "speed": speeds[item],
+        }
+        print(f"{name}: 12 contacts " + " ".join(f"{value:6.2f}" for value in plan.expected([item], 12).width))
+    return told
+
+
+def best() -> dict[str, Any]:
+    """The shipped candidates, best first: widths, and what the exploring finger's PIP is loaded with."""
+    plan = design(index_finger(), finger_candidates(index_finger()))
+    table = [
+        {"probe": plan.probes[item].name, "width": plan.widths[item], "torque Nm": plan.torque[item]}
+        for item in plan.ranking()
+    ]
+    print("candidates, best first:")
+    for row in table:
+        print(f"  {row['probe']:26s} " + " ".join(f"{value:6.2f}" for value in row["width"]))
+    level = next(row for row in table if row["probe"] == CURVES[0])
+    print(
+        f"PIP, {CURVES[0]}: {1e3 * level['torque Nm'][2]:.1f} mNm, factor {level['width'][2]:.1f}; "
+        f"{table[0]['probe']}: {1e3 * table[0]['torque Nm'][2]:.1f} mNm, factor {table[0]['width'][2]:.2f}"
+    )
+    return {"ranking": table}
+
+
+def draw(result: dict[str, Any], config: Config, path: Path) -> None:
+    """Above the maps, one a joint; below the curves and expected against found."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+    from matplotlib.colors import LogNorm
+
+    figure, axes = pyplot.subplots(2, 4, figsize=(12.0, 6.0), layout="constrained")
+    width = np.asarray(result["map"]["width"])
+    image = None
+    for j, (axis, joint) in enumerate(zip(axes[0], JOINTS, strict=True)):
+        image = axis.pcolormesh(
+            config.angles, config.flexions, width[:, :, j], norm=LogNorm(1.1, 16.0), cmap="viridis_r", shading="nearest"
+        )
+        axis.contour(config.angles, config.flexions, width[:, :, j], levels=[4.0], colors="white", linewidths=1.2)
+        axis.set_title(joint, loc="left", fontsize=9, fontweight="bold")
+        axis.set_xlabel("surface to distal segment, degrees")
+    axes[0, 0].set_ylabel("flexion of PIP, degrees")
+    figure.colorbar(image, ax=axes[0], label="width, a factor", ticks=[1.2, 2, 4, 8, 16], format="%g", shrink=0.9)
+    panels = (("contacts", config.contacts), ("catch trials", config.catches), ("speed", config.speeds))
+    for axis, (what, values) in zip(axes[1], panels, strict=False):
+        for name, line in zip(CURVES, ("-", "--"), strict=True):
+            lines = np.asarray(result["curves"][name][what])
+            for j, joint in enumerate(JOINTS):
+                label = joint if line == "-" else None
+                axis.plot(values, lines[:, j], line, color=INK[j], marker=".", label=label, linewidth=1.2)
+        axis.axhline(4.0, color=OPEN, linewidth=0.8)
+        axis.set(xscale="log", yscale="log", xlabel=what + (", m/s" if what == "speed" else ""))
+        axis.set_yticks([1.2, 2, 4, 8, 16], ["1.2", "2", "4", "8", "16"])
+        axis.set_xticks(values, [f"{value:g}" for value in values])
+        axis.minorticks_off()
+    axes[1, 0].set_ylabel("width, a factor")
+    axes[1, 0].legend(fontsize=7, frameon=False)
+    axes[1, 0].set_title(f"- {CURVES[0]}   -- {CURVES[1]}", loc="left", fontsize=7.5)
+    axis = axes[1, 3]
+    ends = np.array([0.02, 1.0])
+    for case in result["validation"].values():
+        for j in range(len(JOINTS)):
+            axis.plot(case["expected sd, own compliance"][j], case["found sd"][j], "o", color=INK[j], markersize=4)
+    for factor in (1 / BOUND, 1.0, BOUND):
+        axis.plot(ends, factor * ends, color=OPEN, linewidth=0.8 if factor == 1.0 else 0.5)
+    axis.set(xscale="log", yscale="log", xlabel="expected sd of log C", ylabel="found by fit_session")
+    for axis in axes[1]:
+        axis.spines[["top", "right"]].set_visible(False)
+    figure.supxlabel(
+        "12 contacts, 2 catch trials unless varied; white and grey lines: a factor of 4, above which a joint gets no "
+        f"number; lower right: simulated sessions, lines at factors {1 / BOUND:.2g}, 1 and {BOUND:g}.",
+        fontsize=7.5, color=OPEN,
+    )  # fmt: skip
+    figure.savefig(path, dpi=110)
+    pyplot.close(figure)
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Config))
