@@ -5,7 +5,7 @@
 1. Sessions of the virtual laboratory (a MuJoCo subject with skin, tremor, noise of cameras and sensor; other physics
    than ours): `design` is told what an experimenter would plan, posture, speed, depth and friction of every contact,
    and the model's nominal compliance or the subject's true one. Its standard deviations of log C are divided by those
-   of `fit_session` on the recording: 1 is perfect, `BOUND` is what we promise for the subject's own compliance.
+   of `fit_session` on the recording: 1 is perfect.
 2. The shipped index finger against a surface, for every flexion of PIP (DIP two thirds of it) and every angle between
    the surface and the distal segment; then one exploring and one better contact over number of contacts, catch trials
    and speed. Writes design.json and design.png.
@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import tyro
 from recovery import rounded
@@ -26,10 +27,13 @@ from scipy.optimize import root_scalar
 from icjax.capture import capture, read_session
 from icjax.fit import Probe, design, finger_candidates, finger_normal, finger_posture, fit_session
 from icjax.laboratory import record
-from icjax.model import index_finger
+from icjax.model import Model, forward_kinematics, index_finger, pad_positions
 
 BOUND = 1.5
-"""Factor between expected and found standard deviations of log C; see `validate`."""
+"""Factor between expected and found standard deviations of log C that is called agreement; see `validate`."""
+
+THICKNESS = 7e-3
+"""m, half a finger between joint and skin."""
 
 JOINTS = ("wrist", "MP", "PIP", "DIP")
 OPEN, INK = "#5B616B", ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
@@ -170,11 +174,18 @@ def landscape(config: Config) -> dict[str, Any]:
     print("best of the map:")
     for item in order[:5]:
         print(f"  {probes[item].name:44s} " + " ".join(f"{value:6.2f}" for value in plan.widths[item]))
+    clear = np.array([on_a_plate(model, probe) for probe in probes])
+    plate = [item for item in order if clear[item]]
+    print("best of the map against a plate that ends nowhere:")
+    for item in plate[:5]:
+        print(f"  {probes[item].name:44s} " + " ".join(f"{value:6.2f}" for value in plan.widths[item]))
     chosen = plan.best_set(3, 12)
     print("best three together, 12 contacts: " + "; ".join(probes[item].name for item in chosen))
     return {
         "width": plan.widths.reshape(shape),
         "torque Nm": plan.torque.reshape(shape),
+        "clear of a whole plate": clear.reshape(shape[:2]),
+        "best on a whole plate": [{"probe": probes[item].name, "width": plan.widths[item]} for item in plate[:5]],
         "share with a number of every joint": float(np.mean(worst <= plan.options.widest)),
         "share with a number": {
             joint: float(np.mean(plan.widths[:, j] <= plan.options.widest)) for j, joint in enumerate(JOINTS)
@@ -185,6 +196,15 @@ def landscape(config: Config) -> dict[str, Any]:
             "width": plan.expected(chosen, 12).width,
         },
     }
+
+
+def on_a_plate(model: Model, probe: Probe) -> bool:
+    """Whether the plane could go on behind the pad: every other joint stays `THICKNESS` away from it."""
+    poses = forward_kinematics(model, jnp.asarray(probe.q))
+    n, pad = np.asarray(probe.normal), model.pad("fingertip")
+    surface = n @ np.asarray(pad_positions(model, jnp.asarray(probe.q)))[pad] - model.pad_radius[pad]
+    joints = np.asarray(poses.position)[[model.body(name) for name in ("hand", "proximal", "middle", "distal")]]
+    return bool(np.min(joints @ n - surface) >= THICKNESS)
 
 
 CURVES = ("exploring, level plate", "bent, oblique")
@@ -248,10 +268,13 @@ def draw(result: dict[str, Any], config: Config, path: Path) -> None:
             config.angles, config.flexions, width[:, :, j], norm=LogNorm(1.1, 16.0), cmap="viridis_r", shading="nearest"
         )
         axis.contour(config.angles, config.flexions, width[:, :, j], levels=[4.0], colors="white", linewidths=1.2)
+        clear = np.asarray(result["map"]["clear of a whole plate"], float)
+        axis.contour(config.angles, config.flexions, clear, levels=[0.5], colors="black", linestyles=":", linewidths=1)
         axis.set_title(joint, loc="left", fontsize=9, fontweight="bold")
         axis.set_xlabel("surface to distal segment, degrees")
     axes[0, 0].set_ylabel("flexion of PIP, degrees")
-    figure.colorbar(image, ax=axes[0], label="width, a factor", ticks=[1.2, 2, 4, 8, 16], format="%g", shrink=0.9)
+    bar = figure.colorbar(image, ax=axes[0], label="width, a factor", ticks=[1.2, 2, 4, 8, 16], format="%g", shrink=0.9)
+    bar.ax.minorticks_off()
     panels = (("contacts", config.contacts), ("catch trials", config.catches), ("speed", config.speeds))
     for axis, (what, values) in zip(axes[1], panels, strict=False):
         for name, line in zip(CURVES, ("-", "--"), strict=True):
@@ -279,7 +302,8 @@ def draw(result: dict[str, Any], config: Config, path: Path) -> None:
         axis.spines[["top", "right"]].set_visible(False)
     figure.supxlabel(
         "12 contacts, 2 catch trials unless varied; white and grey lines: a factor of 4, above which a joint gets no "
-        f"number; lower right: simulated sessions, lines at factors {1 / BOUND:.2g}, 1 and {BOUND:g}.",
+        "number; right of the dots the surface may go on behind the pad, left it must be an edge; lower right: "
+        f"simulated sessions, lines at factors {1 / BOUND:.2g}, 1 and {BOUND:g}.",
         fontsize=7.5, color=OPEN,
     )  # fmt: skip
     figure.savefig(path, dpi=110)

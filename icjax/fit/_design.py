@@ -41,7 +41,8 @@ class Design:
     """What each probe would tell; information of independent contacts adds, so combinations cost nothing.
 
     - `probes`, `joints`: their names; `widths` [probe, joint] and `refused`: each probe alone.
-    - `torque` Nm and `deflection` rad [probe, joint]: largest of one contact in the window that is compared;
+    - `torque` Nm (filtered as recorded) and `deflection` rad [probe, joint]: largest of one contact in the window that
+      is compared;
       `doubt` rad [probe, joint]: standard deviation of the angle against its repetitions at the end of that window,
       given the time before contact.
     - `factor` [probe, number, number]: R of one contact, R^T R its information on x of `parameters`; `prior`
@@ -135,9 +136,9 @@ def design(
 
     Assumed: posture, Jacobian and inertia stay those of the first touch; contacts are independent, their number alone
     makes intervals narrower; the force itself is measured without noise, by one sensor for all probes; the plane is
-    rigid and at rest, and so is a root that yields; the window before contact is free of the contact before; there are
-    no outliers and no dropouts. The nominal C matters: a stiffer joint deflects less, so its interval is wider. A
-    session needs at least three contacts.
+    rigid, at rest, and touches nothing but the named point, whatever lies behind it; a root that yields stays at rest
+    too; the window before contact is free of the contact before; there are no outliers and no dropouts. The nominal C
+    matters: a stiffer joint deflects less, so its interval is wider. A session needs at least three contacts.
 
     **Arguments**: `catch_trials` of every trial; `noise` of the instruments; `variability` of repetitions, of a pilot
     session (`session_problem(...).variability`) or typical.

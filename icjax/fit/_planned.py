@@ -44,15 +44,15 @@ class Plan(NamedTuple):
         used = np.repeat(s <= probe.duration, len(columns))
         K = self.covariance_of(probe, move, s)
         last = int(np.floor(min(probe.duration, options.after) * rate))
-        torque = raw @ touch.jacobian
+        torque = force @ touch.jacobian
         return {
-            "torque": force @ touch.jacobian,
+            "torque": torque,
             "rate": force_rate @ touch.jacobian,
             "by": np.einsum("tx,xio->tio", force, touch.by_unit),
             "inertia": np.stack(inertia),
             "frames": samples,
             "W": whitener(K, used),
-            "peak": np.abs(torque[: last + 1]).max(axis=0),
+            "peak": np.abs(torque[before : before + last + 1]).max(axis=0),
             "deflection": np.abs(e[: last + 1]).max(axis=0),
             "doubt": doubt_of(K, s, min(probe.duration, options.after), len(columns)),
         }
