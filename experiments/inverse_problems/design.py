@@ -207,7 +207,7 @@ def on_a_plate(model: Model, probe: Probe) -> bool:
     return bool(np.min(joints @ n - surface) >= THICKNESS)
 
 
-CURVES = ("exploring, level plate", "bent, oblique")
+CURVES = ("exploring, level plate", "exploring, on the tip")
 
 
 def curves(config: Config) -> dict[str, Any]:
@@ -245,10 +245,9 @@ def best() -> dict[str, Any]:
     for row in table:
         print(f"  {row['probe']:26s} " + " ".join(f"{value:6.2f}" for value in row["width"]))
     level = next(row for row in table if row["probe"] == CURVES[0])
-    print(
-        f"PIP, {CURVES[0]}: {1e3 * level['torque Nm'][2]:.1f} mNm, factor {level['width'][2]:.1f}; "
-        f"{table[0]['probe']}: {1e3 * table[0]['torque Nm'][2]:.1f} mNm, factor {table[0]['width'][2]:.2f}"
-    )
+    cures = [table[0], next(row for row in table if row["probe"] == CURVES[1])]
+    for row in (level, *cures):
+        print(f"PIP, {row['probe']}: {1e3 * row['torque Nm'][2]:.1f} mNm, factor {row['width'][2]:.2f}")
     return {"ranking": table}
 
 

@@ -8,8 +8,9 @@ from icjax.model import Model, neutral
 SHAPES = {"straight": (3, 18, 10, 7), "exploring": (3, 18, 27, 20), "bent": (3, 18, 50, 33), "hooked": (3, 18, 70, 46)}
 """Degrees of wrist, MP, PIP and DIP."""
 
-ANGLES = {"flat pad": 0, "oblique": 45, "near the tip": 70}
-"""Degrees between the surface and the distal segment."""
+ANGLES = {"flat pad": 0, "oblique": 45, "on the tip": 85}
+"""Degrees between the surface and the distal segment. A plate that goes on behind the pad is met steeply; what lies
+flat on a bent finger's pad is an edge or a bar, or other joints would touch it first."""
 
 
 def finger_posture(model: Model, degrees: Numbers) -> tuple[float, ...]:
