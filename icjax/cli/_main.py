@@ -12,6 +12,7 @@ from icjax.cli._calibrate import Calibrate
 from icjax.cli._capture import Capture
 from icjax.cli._check import Check
 from icjax.cli._demo import Demo
+from icjax.cli._design import Design
 from icjax.cli._estimate import Estimate
 from icjax.cli._export import Export
 from icjax.cli._perturbation import Perturbation
@@ -23,6 +24,7 @@ VERBS = {
     "demo": Demo,
     "check": Check,
     "calibrate": Calibrate,
+    "design": Design,
     "capture": Capture,
     "estimate": Estimate,
     "perturbation": Perturbation,

@@ -1,13 +1,23 @@
 """Fit compliance, reference trajectory and all else that a measurement depends on, and say how sure the result is."""
 
+from icjax.fit._candidates import finger_candidates as finger_candidates
+from icjax.fit._candidates import finger_normal as finger_normal
+from icjax.fit._candidates import finger_posture as finger_posture
+from icjax.fit._design import Design as Design
+from icjax.fit._design import Expectation as Expectation
+from icjax.fit._design import design as design
 from icjax.fit._dynamic import DynamicEquilibrium as DynamicEquilibrium
 from icjax.fit._dynamic import response as response
 from icjax.fit._options import FitOptions as FitOptions
 from icjax.fit._parameters import Parameter as Parameter
 from icjax.fit._parameters import Parameters as Parameters
 from icjax.fit._parameters import Values as Values
+from icjax.fit._probe import Instruments as Instruments
+from icjax.fit._probe import Probe as Probe
 from icjax.fit._problem import Measurement as Measurement
 from icjax.fit._problem import Problem as Problem
+from icjax.fit._read_design import Planned as Planned
+from icjax.fit._read_design import read_design as read_design
 from icjax.fit._result import JointFit as JointFit
 from icjax.fit._result import SessionFit as SessionFit
 from icjax.fit._result import fit_session as fit_session
@@ -21,3 +31,4 @@ from icjax.fit._solve import multi_start as multi_start
 from icjax.fit._solve import solve as solve
 from icjax.fit._spline import spline_basis as spline_basis
 from icjax.fit._static import StaticEquilibrium as StaticEquilibrium
+from icjax.fit._variability import Variability as Variability

@@ -1,0 +1,210 @@
+"""Experiment design: how wide every joint's interval would be, before anyone is recorded."""
+
+import dataclasses
+from collections.abc import Sequence
+from functools import partial
+from typing import NamedTuple
+
+import equinox as eqx
+import numpy as np
+
+from icjax.estimation import compliant_dofs
+from icjax.fit._expected_contact import angle_errors, movement, touch_of
+from icjax.fit._options import FitOptions
+from icjax.fit._parameters import Parameters
+from icjax.fit._planned import BLOCK, Plan, jacobians
+from icjax.fit._probe import Instruments, Probe, check_probe
+from icjax.fit._session import _parameters
+from icjax.fit._variability import TYPICAL, Variability
+from icjax.fit._windows import POINT_SD, _coordinates, linear_inertia, segment_groups
+from icjax.inference import QUANTILE, jacobian, laplace
+from icjax.model import Model, neutral
+from icjax.running import on_full_blocks
+from icjax.typing import Bool, Float
+
+MOST_TIMES = 1000
+"""Beyond so many times the contacts, more of them are no cure."""
+
+
+class Expectation(NamedTuple):
+    """Of every joint the ratio of the ends of its expected 95 % interval, the standard deviation of log C, the share of
+    the prior variance that the data would remove, and whether `fit_session` would refuse it."""
+
+    width: Float[np.ndarray, " joint"]
+    sd: Float[np.ndarray, " joint"]
+    learned: Float[np.ndarray, " joint"]
+    refused: Bool[np.ndarray, " joint"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Design:
+    """What each probe would tell; information of independent contacts adds, so combinations cost nothing.
+
+    - `probes`, `joints`: their names; `widths` [probe, joint] and `refused`: each probe alone.
+    - `torque` Nm (filtered as recorded) and `deflection` rad [probe, joint]: largest of one contact in the window that
+      is compared;
+      `doubt` rad [probe, joint]: standard deviation of the angle against its repetitions at the end of that window,
+      given the time before contact.
+    - `factor` [probe, number, number]: R of one contact, R^T R its information on x of `parameters`; `prior`
+      the Jacobian of the priors.
+    """
+
+    probes: tuple[Probe, ...]
+    joints: tuple[str, ...]
+    options: FitOptions
+    catch_trials: int
+    parameters: Parameters
+    factor: Float[np.ndarray, "probe number number"]
+    prior: Float[np.ndarray, "row number"]
+    torque: Float[np.ndarray, "probe joint"]
+    deflection: Float[np.ndarray, "probe joint"]
+    doubt: Float[np.ndarray, "probe joint"]
+
+    def expected(self, chosen: Sequence[int], contacts: float | int | None = None) -> Expectation:
+        """Of probes together, by their numbers; a number that stands twice counts twice.
+
+        **Arguments**: `contacts` in all, shared evenly; default each probe's own.
+
+        **Errors**: `ValueError` for no probe or a number that is none's.
+        """
+        if not len(chosen) or any(not 0 <= item < len(self.probes) for item in chosen):
+            raise ValueError(f"chosen = {list(chosen)}: must be numbers of probes, 0 to {len(self.probes) - 1}")
+        times = [self.probes[item].contacts if contacts is None else contacts / len(chosen) for item in chosen]
+        data = np.concatenate([np.sqrt(n) * self.factor[item] for item, n in zip(chosen, times, strict=True)])
+        known = laplace(data, self.prior, scale=1.0 / np.linalg.norm(self.prior, axis=0))
+        at = self.parameters.slices["compliance"]
+        sd = np.asarray(known.sd)[at]
+        width = np.exp(2.0 * QUANTILE * sd)
+        return Expectation(width, sd, np.asarray(known.learned)[at], ~(width <= self.options.widest))
+
+    @property
+    def widths(self) -> Float[np.ndarray, "probe joint"]:
+        """Of each probe alone, with its own number of contacts."""
+        return np.stack([self.expected([item]).width for item in range(len(self.probes))])
+
+    @property
+    def refused(self) -> Bool[np.ndarray, "probe joint"]:
+        """Of each probe alone."""
+        return ~(self.widths <= self.options.widest)
+
+    def ranking(self) -> tuple[int, ...]:
+        """Probes by the largest width of any joint, best first, equal ones by the product of all widths."""
+        return tuple(sorted(range(len(self.probes)), key=lambda item: _badness(self.expected([item]).width)))
+
+    def best_set(self, k: int, contacts: float | int | None = None) -> tuple[int, ...]:
+        """k probes, the next always the one with which the largest width of any joint is least (greedy).
+
+        **Arguments**: `contacts` in all, shared evenly among those chosen so far; default each probe's own.
+
+        **Errors**: `ValueError` for a k that is not between one and the number of probes.
+        """
+        if not 1 <= k <= len(self.probes):
+            raise ValueError(f"k = {k}: must be 1 to {len(self.probes)}, the number of probes")
+        chosen: tuple[int, ...] = ()
+        while len(chosen) < k:
+            rest = [item for item in range(len(self.probes)) if item not in chosen]
+            tried = [_badness(self.expected([*chosen, item], contacts).width) for item in rest]
+            chosen = (*chosen, rest[min(range(len(rest)), key=tried.__getitem__)])
+        return chosen
+
+    def contacts_needed(self, chosen: Sequence[int]) -> Float[np.ndarray, " joint"]:
+        """Contacts in all, shared evenly, until each joint has a number; infinite above `MOST_TIMES` contacts each."""
+        needed = np.full(len(self.joints), np.inf)
+        for count in np.unique(np.round(np.geomspace(1, MOST_TIMES, 120))):
+            refused = self.expected(chosen, count * len(chosen)).refused
+            needed = np.where(~refused & np.isinf(needed), count * len(chosen), needed)
+        return needed
+
+
+def design(
+    model: Model,
+    probes: Sequence[Probe],
+    catch_trials: int = 2,
+    options: FitOptions | None = None,
+    noise: Instruments | None = None,
+    variability: Variability | None = None,
+) -> Design:
+    """Expected 95 % intervals of the compliance of every compliant joint from contacts that might be recorded.
+
+    Each probe's contact is simulated with the nominal compliance C (the model's where it states one, else
+    `options.typical_compliance`), damping time and masses: the finger moves against a rigid plane, its pad in series
+    with the joints (`contact_force`). The torque of that contact, filtered as a recording's is, goes into the residual
+    of `DynamicEquilibrium`; its exact Jacobian, whitened by the covariance of a contact against the mean of n
+    repetitions, (1 + 1/n) times `covariance` plus what a shift in time of each repetition does, and the priors of
+    `fit_session` give the standard deviations of log C (`laplace`). Unknown with C are damping times, masses, offsets
+    of all coordinates, the place of the force, gain and delay of its sensor.
+
+    Assumed: posture, Jacobian and inertia stay those of the first touch; contacts are independent, their number alone
+    makes intervals narrower; the force itself is measured without noise, by one sensor for all probes; the plane is
+    rigid, at rest, and touches nothing but the named point, whatever lies behind it; a root that yields stays at rest
+    too; the window before contact is free of the contact before; there are no outliers and no dropouts. The nominal C
+    matters: a stiffer joint deflects less, so its interval is wider. A session needs at least three contacts.
+
+    **Arguments**: `catch_trials` of every trial; `noise` of the instruments; `variability` of repetitions, of a pilot
+    session (`session_problem(...).variability`) or typical.
+
+    **Errors**: `ValueError` for no probe, two of one name, a model without compliant joint, and those of `Probe`, of
+    coordinates beyond the model's range, and of a contact that the model does not have.
+
+    **Source**: the information matrix of a planned experiment: Fedorov 1972, Theory of optimal experiments.
+    """
+    options, noise = options or FitOptions(), noise or Instruments()
+    probes = tuple(probes)
+    dofs = tuple(compliant_dofs(model))
+    _check(model, probes, catch_trials, dofs)
+    if variability is None:
+        variability = Variability(np.tile(np.asarray(TYPICAL)[:, None], (1, len(dofs))), 1.0)
+    if np.shape(variability.amplitude) != (2, len(dofs)):
+        raise ValueError(f"variability: amplitude is {list(np.shape(variability.amplitude))}; the model has {len(dofs)}"
+                         " compliant degrees of freedom, it must be [2, that many]")  # fmt: skip
+    groups, segments = segment_groups(model, dofs)
+    offset_names = (*model.dof_names, *(f"contact {axis}" for axis in "xyz"))
+    parameters = _parameters(model, dofs, segments, offset_names, options)
+    C = np.asarray(parameters["compliance"].nominal)
+    touches = [touch_of(model, dofs, probe) for probe in probes]
+    moves = [movement(probe, touch, C) for probe, touch in zip(probes, touches, strict=True)]
+    at_rest = np.zeros((len(probes), model.nv))
+    speed = at_rest.copy()
+    speed[:, list(dofs)] = [probe.speed * move for probe, move in zip(probes, moves, strict=True)]
+    rows = np.array([probe.q for probe in probes]), speed, at_rest
+    inertia = on_full_blocks(partial(linear_inertia, model, groups, dofs), *rows, block=BLOCK)
+    plan = Plan(model, dofs, options, noise, variability, catch_trials)
+    events = [
+        plan.event(probe, touch, move, tuple(np.asarray(part)[item] for part in inertia), C)
+        for item, (probe, touch, move) in enumerate(zip(probes, touches, moves, strict=True))
+    ]
+    offset = np.zeros((len(offset_names),) * 2)
+    offset[: model.nv, : model.nv] = angle_errors(model, np.asarray(neutral(model)), noise)[1]
+    offset[model.nv :, model.nv :] = POINT_SD**2 * np.eye(3)
+    J = jacobians(model, dofs, noise.rate, offset, events, parameters)
+    factor = np.stack([np.linalg.qr(np.concatenate([item, np.zeros((item.shape[1],) * 2)]), mode="r") for item in J])
+    told = [np.stack([np.asarray(event[key]) for event in events]) for key in ("peak", "deflection", "doubt")]
+    names = tuple(model.dof_names[dof] for dof in dofs)
+    prior = np.asarray(_prior_rows(parameters))
+    return Design(probes, names, options, catch_trials, parameters, factor, prior, *told)
+
+
+def _check(model: Model, probes: tuple[Probe, ...], catch_trials: int, dofs: tuple[int, ...]) -> None:
+    if not dofs:
+        raise ValueError(f"model {model.name!r} has no compliant joint")
+    _coordinates(model, dofs)
+    if not probes:
+        raise ValueError("probes: none given")
+    if isinstance(catch_trials, bool) or not isinstance(catch_trials, int) or catch_trials < 1:
+        raise ValueError(
+            f"catch_trials = {catch_trials}: must be a whole number of at least 1; without one nothing is fitted"
+        )
+    names = [probe.name for probe in probes]
+    for probe in probes:
+        if names.count(probe.name) > 1:
+            raise ValueError(f"probes: two are named {probe.name!r}")
+        check_probe(model, probe)
+
+
+@eqx.filter_jit
+def _prior_rows(parameters: Parameters):
+    return jacobian(parameters.prior, parameters.start)
+
+
+def _badness(width: np.ndarray) -> tuple[float, float]:
+    return float(np.max(width)), float(np.sum(np.log(width)))

@@ -1,0 +1,147 @@
+"""`icjax design` and its file: what is read, what is printed, and one clear line for what is wrong."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from icjax.cli import main
+from icjax.files import FileError
+from icjax.fit import finger_candidates, finger_normal, read_design
+from icjax.fit._expected_contact import touch_of
+from icjax.model import index_finger
+
+MODEL = """<mujoco model="two bars"><worldbody>
+  <body name="upper"><joint name="shoulder" axis="0 1 0" stiffness="4"/>
+    <inertial pos="0.1 0 0" mass="0.2" diaginertia="1e-5 7e-4 7e-4"/>
+    <body name="lower" pos="0.2 0 0"><joint name="elbow" axis="0 1 0" stiffness="2"/>
+      <inertial pos="0.1 0 0" mass="0.1" diaginertia="1e-5 4e-4 4e-4"/>
+      <geom name="tip" class="pad" type="sphere" pos="0.2 0 0" size="0.01" mass="0" user="0.001"/></body></body>
+</worldbody><default><default class="pad"/></default></mujoco>"""
+
+TEXT = """
+catch_trials = 3
+[model]
+file = "bars.xml"
+[compliance]
+elbow = 0.8
+[instruments]
+rate = 250
+angle_sd = 0.002
+offset_sd = 0.01
+[[probe]]
+name = "down"
+angles = { shoulder = 20, elbow = 30 }
+contact = "tip"
+normal = [0, 0, 2]
+speed = 0.15
+[[probe]]
+name = "along"
+angles = { shoulder = 20, elbow = 5 }
+contact = "lower"
+point = [0.2, 0, 0]
+normal = [-0.87, 0, 0.5]
+contacts = 6
+depth = 0.01
+"""
+
+
+@pytest.fixture
+def plan(tmp_path):
+    (tmp_path / "bars.xml").write_text(MODEL)
+    path = tmp_path / "plan.toml"
+    path.write_text(TEXT)
+    return path
+
+
+def test_what_is_read(plan):
+    planned = read_design(plan)
+    assert planned.catch_trials == 3
+    assert planned.noise.rate == 250
+    assert planned.noise.cutoff == 20
+    np.testing.assert_allclose(planned.model.compliance, [0.25, 0.8])
+    down, along = planned.probes
+    np.testing.assert_allclose(down.q, np.radians([20, 30]))
+    assert (down.normal, down.speed, down.contacts, down.depth) == ((0, 0, 1), 0.15, 12, math.inf)
+    assert (along.contact, along.point, along.contacts, along.depth) == ("lower", (0.2, 0, 0), 6, 0.01)
+
+
+def test_a_table_and_a_file(plan, tmp_path, capsys):
+    out = tmp_path / "deep" / "design.json"
+    assert main(["design", str(plan), "--out", str(out), "--best", "2"]) == 0
+    printed = capsys.readouterr().out
+    assert "3 catch trials" in printed
+    assert "best 2 of 12 contacts" in printed
+    found = json.loads(out.read_text())
+    assert found["joints"] == ["shoulder", "elbow"]
+    widths = {row["probe"]: row["width"] for row in found["probes"]}
+    assert set(widths) == {"down", "along"}
+    assert max(found["probes"][0]["width"]) <= max(found["probes"][1]["width"])
+    for row in found["probes"]:
+        assert row["refused"] == [
+            name for name, width in zip(found["joints"], row["width"], strict=True) if width > found["widest"]
+        ]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('contact = "tip"', 'contact = "thumb"', "'thumb' is no pad or body of the model (tip, upper, lower)"),
+        ("speed = 0.15", "speed = 0", "probe 'down': speed = 0.0: must be above zero"),
+        ("normal = [0, 0, 2]", "normal = [0, 0, 0]", "normal = (0.0, 0.0, 0.0): must be a direction"),
+        ("elbow = 30", "knee = 30", "unknown key 'knee'"),
+        ("point = [0.2, 0, 0]", "", "is a body; say which point of it touches"),
+        ("catch_trials = 3", "catch_trials = 0", "key 'catch_trials' must be a whole number of at least 1"),
+        ("elbow = 0.8", "ankle = 0.8", "unknown key 'ankle'"),
+        ('file = "bars.xml"', 'file = "none.xml"', "none.xml"),
+        ("angle_sd = 0.002", "", "angle_sd and offset_sd belong together"),
+        ('name = "along"', 'name = "down"', "two are named 'down'"),
+        ("[[probe]]", "[[prob]]", "needs at least one [[probe]] table"),
+    ],
+)
+def test_one_clear_line(plan, capsys, old, new, said):
+    plan.write_text(TEXT.replace(old, new))
+    assert main(["design", str(plan)]) == 2
+    error = [line for line in capsys.readouterr().err.splitlines() if line.startswith("icjax: ")]
+    assert len(error) == 1
+    assert said in error[0]
+
+
+def test_no_compliant_joint(tmp_path, capsys):
+    """A body that floats freely has none."""
+    (tmp_path / "ball.xml").write_text(
+        """<mujoco model="ball"><worldbody><body name="ball"><freejoint/><geom type="sphere" size="0.03"/></body>
+        </worldbody></mujoco>"""
+    )
+    path = tmp_path / "plan.toml"
+    path.write_text('[model]\nfile = "ball.xml"\n[[probe]]\ncontact = "ball"\npoint = [0, 0, 0]\n')
+    assert main(["design", str(path)]) == 2
+    assert "icjax: model 'ball' has no compliant joint" in capsys.readouterr().err
+
+
+def test_a_file_or_a_model(plan, capsys):
+    assert main(["design", str(plan), "--model", "index_finger"]) == 2
+    assert "give either PLAN.TOML or --model" in capsys.readouterr().err
+    assert main(["design", str(plan), "--best", "0"]) == 2
+    assert "--best 0" in capsys.readouterr().err
+
+
+def test_a_file_error_names_the_file(plan):
+    plan.write_text(TEXT.replace("speed = 0.15", 'speed = "fast"'))
+    with pytest.raises(FileError, match="plan.toml"):
+        read_design(plan)
+
+
+def test_candidates_touch_with_the_palmar_side():
+    """The normal leans from the pad (0 degrees) to the tip (90) and never to the nail; names are all different."""
+    model = index_finger(0.19, "fixed")
+    probes = finger_candidates(model)
+    assert len({probe.name for probe in probes}) == len(probes) == 13
+    degrees = (3, 18, 27, 20)
+    pitch = np.radians(sum(degrees))
+    palmar, forward = np.array([np.sin(pitch), 0, np.cos(pitch)]), np.array([np.cos(pitch), 0, -np.sin(pitch)])
+    np.testing.assert_allclose(finger_normal(degrees, 0.0), palmar)
+    np.testing.assert_allclose(finger_normal(degrees, 90.0), -forward, atol=1e-12)
+    for probe in probes:
+        assert touch_of(model, (0, 1, 2, 3), probe).stiffness == pytest.approx(750.0)
