@@ -14,6 +14,7 @@ from icjax.cli._check import Check
 from icjax.cli._demo import Demo
 from icjax.cli._estimate import Estimate
 from icjax.cli._export import Export
+from icjax.cli._fit import Fit
 from icjax.cli._perturbation import Perturbation
 from icjax.cli._report import Report
 from icjax.cli._transfer import Transfer
@@ -25,6 +26,7 @@ VERBS = {
     "calibrate": Calibrate,
     "capture": Capture,
     "estimate": Estimate,
+    "fit": Fit,
     "perturbation": Perturbation,
     "transfer": Transfer,
     "view": View,
@@ -44,6 +46,8 @@ icjax check session.toml
 icjax capture session.toml --out DIR
 
 icjax estimate DIR/recording.nc
+
+icjax fit DIR/recording.nc
 
 icjax transfer DIR/interaction.nc
 

@@ -1,13 +1,20 @@
 """Fit compliance, reference trajectory and all else that a measurement depends on, and say how sure the result is."""
 
+from icjax.fit._check_fit import check_fit as check_fit
 from icjax.fit._dynamic import DynamicEquilibrium as DynamicEquilibrium
 from icjax.fit._dynamic import response as response
+from icjax.fit._make_record import fit_record as fit_record
 from icjax.fit._options import FitOptions as FitOptions
 from icjax.fit._parameters import Parameter as Parameter
 from icjax.fit._parameters import Parameters as Parameters
 from icjax.fit._parameters import Values as Values
 from icjax.fit._problem import Measurement as Measurement
 from icjax.fit._problem import Problem as Problem
+from icjax.fit._record import FitRecord as FitRecord
+from icjax.fit._record import FittedParameters as FittedParameters
+from icjax.fit._record import FitWindows as FitWindows
+from icjax.fit._reference import Reference as Reference
+from icjax.fit._reference import contact_free as contact_free
 from icjax.fit._result import JointFit as JointFit
 from icjax.fit._result import SessionFit as SessionFit
 from icjax.fit._result import fit_session as fit_session
