@@ -104,6 +104,8 @@ def fit_text(record: "FitRecord") -> str:
     """Compliance of each joint beside the paper's, as a table of text, then refusals, warnings and what it rests on."""
     import numpy as np
 
+    from icjax.fit import far_from_prior
+
     units = sorted(set(record.units.values()), reverse=True)
     name = max(12, *(len(joint) for joint in record.joint_names))
     lines = [
@@ -130,7 +132,7 @@ def fit_text(record: "FitRecord") -> str:
         f"{len(record.windows.trial)} contacts of {len(record.trials)} trials against {record.catch_trials} catch "
         f"trials; chi2 {record.chi2:.2f} (1 where noise and repetitions are as assumed)"
     )
-    lines += [f"warning: {text}" for text in record.warnings]
+    lines += [f"warning: {text}" for text in (*record.warnings, *far_from_prior(record))]
     return "\n".join(lines)
 
 

@@ -1,6 +1,7 @@
 """Fit compliance, reference trajectory and all else that a measurement depends on, and say how sure the result is."""
 
 from icjax.fit._check_fit import check_fit as check_fit
+from icjax.fit._check_fit import far_from_prior as far_from_prior
 from icjax.fit._dynamic import DynamicEquilibrium as DynamicEquilibrium
 from icjax.fit._dynamic import response as response
 from icjax.fit._make_record import fit_record as fit_record

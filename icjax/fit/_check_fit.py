@@ -12,6 +12,9 @@ ROUNDING = 1e-9
 USUAL = (0.3, 2.0)
 """Mean square of the whitened residuals; beyond, what was assumed of noise and repetitions does not hold."""
 
+FAR = 3.0
+"""Standard deviations of its prior beyond which a number is called out."""
+
 
 def check_fit(fit: FitRecord) -> list[str]:
     """Lines about a stored fit: what it holds, then lines that begin with "suspicious: " and "error: ".
@@ -59,8 +62,19 @@ def _findings(fit: FitRecord) -> Iterator[tuple[str, str]]:
             f"chi2 is {fit.chi2:.3g}, far from 1: noise, repetitions or the model are not as assumed, and "
             f"intervals are too {'narrow' if fit.chi2 > 1 else 'wide'}",
         )
-    for text in fit.warnings:
+    for text in (*fit.warnings, *far_from_prior(fit)):
         yield "suspicious", text
+
+
+def far_from_prior(fit: FitRecord) -> tuple[str, ...]:
+    """A line for each number that is not what was thought likely beforehand: a wrong mass or scale of the model."""
+    parameters = fit.parameters
+    distance = parameters.prior_distance()
+    return tuple(
+        f"'{parameters.parameter_names[row]}' is {parameters.value[row]:.3g} {parameters.units[row]}".removesuffix(" 1")
+        + f", {distance[row]:.1f} standard deviations of its prior from {parameters.nominal[row]:.3g}"
+        for row in np.flatnonzero(distance > FAR)
+    )
 
 
 def _windows(windows: FitWindows) -> Iterator[tuple[str, str]]:

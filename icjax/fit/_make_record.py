@@ -7,6 +7,7 @@ import numpy as np
 
 from icjax import __version__
 from icjax.estimation import estimates
+from icjax.fit._drift import drift
 from icjax.fit._parameters import Parameter
 from icjax.fit._record import FitRecord, FittedParameters, FitWindows
 from icjax.fit._reference import contact_free
@@ -82,8 +83,12 @@ def _parameters(fit: SessionFit) -> FittedParameters:
             centre = x[place]
             sd, learned = np.asarray(fit.laplace.sd)[place], np.asarray(fit.laplace.learned)[place]
         ends = [_value(item, centre + sign * QUANTILE * sd) for sign in (0.0, -1.0, 1.0)]
+        prior = np.broadcast_to(np.inf if item.prior_sd is None else np.asarray(item.prior_sd, float), centre.shape)
+        nominal = _value(item, np.asarray(item.transform.free(item.nominal)))
         scale, unit = _scale(item)
-        rows += zip(item.names, item.size * [unit], item.size * [scale], *ends, sd, learned, strict=True)
+        rows += zip(
+            item.names, item.size * [unit], item.size * [scale], *ends, sd, nominal, prior, learned, strict=True
+        )
     name, unit, scale, *numbers = zip(*rows, strict=True)
     return FittedParameters(tuple(name), tuple(unit), tuple(scale), *(np.array(column, float) for column in numbers))
 
@@ -106,6 +111,7 @@ def _value(item: Parameter, x: np.ndarray) -> np.ndarray:
 
 
 def _windows(fit: SessionFit) -> FitWindows:
+    """Rows of every window, filled up with NaN."""
     made, found = fit.made, contact_free(fit)
     shape = found.deviation.shape
     data = np.asarray(made.problem.data(fit.solution.value.x))[: found.deviation.size].reshape(shape)
@@ -119,6 +125,7 @@ def _windows(fit: SessionFit) -> FitWindows:
         torque[number, :count] = motion.torque[window.samples]
         residual[number, :count] = data[number, :count]
         onset.append(float(np.asarray(motion.recording.events.onset)[window.event]))
+    drifted = drift(fit, residual)
     return FitWindows(
         trial=tuple(window.trial for window in made.windows),
         joint_names=made.dof_names,
@@ -129,6 +136,8 @@ def _windows(fit: SessionFit) -> FitWindows:
         angle=angle,
         repetition=repetition,
         deviation=found.deviation,
+        drift=drifted.mean,
+        drift_sd=drifted.sd,
         reference=found.angle,
         reference_sd=found.sd,
         torque=torque,

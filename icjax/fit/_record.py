@@ -5,6 +5,7 @@
 import os
 
 import equinox as eqx
+import numpy as np
 
 from icjax.files import labelled, load_record, names, save_record, static
 from icjax.interaction import JointCompliance
@@ -15,7 +16,8 @@ class FitWindows(eqx.Module):
     """Every contact that was fitted, at the compared samples; NaN past the end of a window that has fewer.
 
     `reference` = `angle` - `deviation`: the movement that would have gone on (`contact_free`). `residual` is
-    `angle` - `repetition` - `deviation`, whitened in the order of time: each sample given those before.
+    `angle` - `repetition` - `deviation`, whitened in the order of time: each sample given those before. `angle` -
+    `repetition` - `drift` is the deviation as measured, to be held against `deviation` within `drift_sd`.
     """
 
     trial: tuple[str, ...] = names("window")
@@ -32,6 +34,12 @@ class FitWindows(eqx.Module):
     )
     deviation: Float[Real, "window sample joint"] = labelled(
         "window", "sample", "joint", unit="rad or m", doc="from the contact-free movement, as predicted by the fit"
+    )
+    drift: Float[Real, "window sample joint"] = labelled(
+        "window", "sample", "joint", unit="rad or m", doc="of the trial from its repetitions, by what it was before"
+    )
+    drift_sd: Float[Real, "window sample joint"] = labelled(
+        "window", "sample", "joint", unit="rad or m", doc="what that leaves open; zero before contact"
     )
     reference: Float[Real, "window sample joint"] = labelled(
         "window", "sample", "joint", unit="rad or m", doc="contact-free movement of the trial"
@@ -54,7 +62,7 @@ class FittedParameters(eqx.Module):
     """Every number that the fit moved, or held: value, 95 % interval and standard deviation.
 
     `scales` says of what `sd` is the standard deviation: "log" of the value's logarithm, "linear" of the value
-    itself, "x" of the number behind the value (its transform's).
+    itself, "x" of the number behind the value (its transform's). A number that was held has the deviation zero.
     """
 
     parameter_names: tuple[str, ...] = names("parameter")
@@ -64,9 +72,23 @@ class FittedParameters(eqx.Module):
     lower: Float[Real, " parameter"] = labelled("parameter", unit="as in units")
     upper: Float[Real, " parameter"] = labelled("parameter", unit="as in units")
     sd: Float[Real, " parameter"] = labelled("parameter", unit="1", doc="in the scale named in `scales`")
+    nominal: Float[Real, " parameter"] = labelled("parameter", unit="as in units", doc="centre of the prior")
+    prior_sd: Float[Real, " parameter"] = labelled(
+        "parameter", unit="1", doc="in the scale named in `scales`; infinite without a prior"
+    )
     learned: Float[Real, " parameter"] = labelled(
         "parameter", unit="1", doc="share of the prior variance that the data removed"
     )
+
+    def prior_distance(self) -> Float[np.ndarray, " parameter"]:
+        """How many standard deviations of its prior each value is from the centre; NaN without a prior."""
+        log = np.array([scale == "log" for scale in self.scales])
+        value, nominal = np.asarray(self.value), np.asarray(self.nominal)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            apart = np.where(log, np.log(np.abs(value)) - np.log(np.abs(nominal)), value - nominal)
+            distance = np.abs(apart) / np.asarray(self.prior_sd)
+        stated = np.isfinite(np.asarray(self.prior_sd)) & np.array([scale != "x" for scale in self.scales])
+        return np.where(stated & (np.asarray(self.prior_sd) > 0), distance, np.nan)
 
 
 class FitRecord(eqx.Module):

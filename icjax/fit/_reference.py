@@ -45,7 +45,7 @@ def contact_free(fit: SessionFit) -> Reference:
     """
     made, x = fit.made, fit.solution.value.x
     shape = np.shape(made.problem.measurements[0].difference)
-    deviation, by = (np.asarray(item) for item in _deviation(made.problem, x))
+    deviation, by = (np.array(item) for item in _deviation(made.problem, x))
     deviation, by = deviation.reshape(shape), by.reshape(*shape, -1)
     covariance = np.asarray(fit.laplace.covariance)
     known = np.asarray(fit.laplace.determined)
