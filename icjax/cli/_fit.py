@@ -122,7 +122,7 @@ def fit_text(record: "FitRecord") -> str:
             value, lower, upper = (float(x[row]) for x in (paper.compliance, paper.lower, paper.upper))
             cells = (f"{value:.3g}" if np.isfinite(value) else "not estimated", interval(lower, upper))
         lines.append(
-            f"{joint:{name}s} {told:>14s}  {interval(record.lower[index], record.upper[index]):>18s} "
+            f"{joint:{name}s} {told:>14s}  {interval(float(record.lower[index]), float(record.upper[index])):>18s} "
             f"{record.learned[index]:>8.0%}   {cells[0]:>14s}  {cells[1]:>18s}"
         )
     lines += [

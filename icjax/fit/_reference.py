@@ -43,7 +43,7 @@ def contact_free(fit: SessionFit) -> Reference:
 
     **Returns** `Reference`, joints in the order of `SessionProblem.dof_names`.
     """
-    made, x = fit.made, fit.solution.value.x
+    made, x = fit.made, jnp.asarray(fit.solution.value.x)
     shape = np.shape(made.problem.measurements[0].difference)
     deviation, by = (np.array(item) for item in _deviation(made.problem, x))
     deviation, by = deviation.reshape(shape), by.reshape(*shape, -1)
