@@ -32,7 +32,7 @@ def drift(fit: SessionFit, residual: Float[np.ndarray, "window sample joint"]) -
     for number, window in enumerate(fit.made.windows):
         motion, count = fit.made.motions[window.trial], len(window.samples)
         used = count * shape[2]
-        factor = np.linalg.inv(np.asarray(measurement.whitening)[number, :used, :used])
+        factor = np.tril(np.linalg.inv(np.asarray(measurement.whitening)[number, :used, :used]))
         known = int(np.sum(window.samples - window.onset <= -SMEAR * motion.recording.rate)) * shape[2]
         rows = residual[number, :count].ravel()
         open_part = factor.copy()

@@ -12,8 +12,8 @@ from icjax.fit._result import SessionFit
 from icjax.inference import jacobian
 from icjax.typing import Float
 
-AWARE = 1e-9
-"""Share of a derivative's length below which a number that nothing determines is taken to have no part in it."""
+AWARE = 1e-6
+"""Share of a number's largest derivative of e below which e counts as not depending on it: the filter's tails."""
 
 
 class Reference(NamedTuple):
@@ -47,6 +47,7 @@ def contact_free(fit: SessionFit) -> Reference:
     shape = np.shape(made.problem.measurements[0].difference)
     deviation, by = (np.array(item) for item in _deviation(made.problem, x))
     deviation, by = deviation.reshape(shape), by.reshape(*shape, -1)
+    by = np.where(np.abs(by) > AWARE * np.abs(by).max(axis=(0, 1, 2)), by, 0.0)
     covariance = np.asarray(fit.laplace.covariance)
     known = np.asarray(fit.laplace.determined)
     compliance = made.problem.parameters.slices["compliance"]
@@ -80,7 +81,7 @@ def _variance(
     """by Sigma by^T of every row; infinite where a row depends on a number that is not determined."""
     Sigma = np.where(known[:, None] & known[None, :], covariance, 0.0)
     variance = np.einsum("...i,ij,...j->...", by, Sigma, by)
-    lost = np.linalg.norm(by[..., ~known], axis=-1) > AWARE * np.linalg.norm(by, axis=-1)
+    lost = np.any(by[..., ~known] != 0.0, axis=-1)
     return np.where(lost, np.inf, np.maximum(variance, 0.0))
 
 

@@ -14,18 +14,18 @@ from icjax.report._page import Section, absent, figure, folded, note, pairs, par
 MOST = 6
 """Joints drawn over time; those of which the data said most."""
 
-MEANING = {
-    "after": "s after the onset that are compared",
-    "before": "s before it, which hold the catch trials against the trial",
-    "settle": "s after a release in which nothing is compared",
-    "spacing": "s between compared samples",
-    "typical_compliance": "rad/Nm, centre of the prior where the model states none",
-    "compliance_sd": "deviation of log C beforehand",
-    "damping_time": "s, damping over stiffness, centre of the prior",
-    "damping_time_sd": "deviation of its logarithm beforehand",
-    "inertia_sd": "relative deviation of the segments' masses beforehand",
-    "shift_sd": "s, by which a repetition may begin earlier or later",
-    "widest": "largest ratio of an interval's ends that is not refused",
+OPTIONS = {
+    "after": "{:g} s after the onset are compared",
+    "before": "{:g} s before it hold the catch trials against the trial",
+    "settle": "{:g} s after a release nothing is compared",
+    "spacing": "{:g} s between compared samples",
+    "typical_compliance": "{:g} rad/Nm, centre of the prior where the model states none",
+    "compliance_sd": "{:g}, of log C beforehand",
+    "damping_time": "{:g} s, damping over stiffness beforehand",
+    "damping_time_sd": "{:g}, of its logarithm beforehand",
+    "inertia_sd": "{:g}, relative, of the segments' masses beforehand",
+    "shift_sd": "{:g} s, by which a repetition may begin earlier or later",
+    "widest": "{:g}, largest ratio of an interval's ends that is not refused",
 }
 
 
@@ -47,6 +47,10 @@ def _fit(number: int, fit: FitRecord, truth: Mapping[str, float], named: bool) -
         "damping and planned movement are part of the model, which the paper's estimator leaves out."
     )
     body += table(*_compliances(fit, truth), words=(0,))
+    body += paragraph(
+        "Learned is the share of what was open beforehand that the data removed. The correlation of a compliance with "
+        "the reference (median over the contacts) says how far one could be traded for the other."
+    )
     refused = [f"{name}: refused, since {why}." for name, why in _refusals(fit)]
     body += "".join(absent(line) for line in refused)
     told = [*fit.warnings, *far_from_prior(fit)]
@@ -88,10 +92,10 @@ def _compliances(fit: FitRecord, truth: Mapping[str, float]) -> tuple[list[str],
         "joint",
         f"fit ({'rad/Nm' if units == {'rad/Nm'} else 'rad/Nm, m/N'})",
         "95 % interval",
-        "learned from the data",
-        "correlation with the reference",
-        "the paper's estimate",
-        "its 95 % interval",
+        "learned",
+        "correlation with reference",
+        "paper's estimate",
+        "95 % interval",
         *(["truth (virtual subject)"] if truth else []),
     ]
     rows = []
@@ -102,18 +106,23 @@ def _compliances(fit: FitRecord, truth: Mapping[str, float]) -> tuple[list[str],
         row = [
             joint,
             told,
-            interval_text(float(fit.lower[index]), float(fit.upper[index])),
+            _whole(interval_text(float(fit.lower[index]), float(fit.upper[index]))),
             f"{float(fit.learned[index]):.0%}",
             f"{np.median(trade):.2f}".replace("-", "−") if trade.size else "none",
         ]
         if joint in fit.paper.joint_names:
             at = fit.paper.joint_names.index(joint)
             row.append(value_text(float(fit.paper.compliance[at])))
-            row.append(interval_text(float(fit.paper.lower[at]), float(fit.paper.upper[at])))
+            row.append(_whole(interval_text(float(fit.paper.lower[at]), float(fit.paper.upper[at]))))
         else:
             row += ["", ""]
         rows.append([*row, *([f"{truth[joint]:#.3g}" if joint in truth else "not stated"] if truth else [])])
     return head, rows
+
+
+def _whole(words: str) -> str:
+    """Without a place to break the line."""
+    return words.replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def _refusals(fit: FitRecord) -> list[tuple[str, str]]:
@@ -133,11 +142,10 @@ def _assumed(fit: FitRecord) -> str:
         "Compliance and damping are constant through a session and the same in every contact; each joint has its own. "
         "Masses, offsets of the joint angles, the place, gain and delay of the force sensor are uncertain within their "
         "priors. A trial departs from what was intended as its catch trials depart from each other. Intervals hold if "
-        "all that holds. The correlation of a compliance with the reference says how far a greater one with a "
-        "reference nearer to the measured angle would fit as well."
+        "all that holds."
     )
     options = json.loads(fit.options)
-    body += pairs([(f"{name} {value:g}", MEANING.get(name, "")) for name, value in options.items()])
+    body += pairs([(name.replace("_", " "), OPTIONS.get(name, "{}").format(value)) for name, value in options.items()])
     fast, slow = (np.degrees(np.asarray(row)) for row in np.asarray(fit.variability))
     spread = [
         f"{joint} {a:.2g}° and {b:.2g}°" if kind != "slide" else joint
