@@ -16,7 +16,7 @@ class Check:
     """
 
     file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="SESSION.TOML|RECORD.NC")]
-    """Session file (its keys are explained in the guide "The session file"), recording, interaction or rollout."""
+    """Session file (its keys are explained in the guide "The session file"), recording, interaction, rollout or fit."""
 
     def run(self) -> None:
         lines = _record(self.file) if self.file.suffix == ".nc" else _session(self.file)
@@ -35,11 +35,12 @@ def _session(path: Path) -> list[str]:
 
 def _record(path: Path) -> list[str]:
     from icjax.files import FileError, layout_problems, record_kind
+    from icjax.fit import FitRecord, check_fit
     from icjax.interaction import Interaction
     from icjax.recording import Recording, Session
     from icjax.rollout import Rollout
 
-    kinds = {item.__name__: item for item in (Recording, Session, Interaction, Rollout)}
+    kinds = {item.__name__: item for item in (Recording, Session, Interaction, Rollout, FitRecord)}
     kind = record_kind(path)
     if kind not in kinds:
         raise FileError(path, f"holds a {kind}, which is none of {', '.join(kinds)}")
@@ -50,6 +51,8 @@ def _record(path: Path) -> list[str]:
         from icjax.estimation import check_interaction
 
         return check_interaction(Interaction.load(path))
+    if kind == "FitRecord":
+        return check_fit(FitRecord.load(path))
     if kind == "Rollout":
         from icjax.synthesis import check_rollout
 

@@ -15,6 +15,7 @@ from icjax.cli._demo import Demo
 from icjax.cli._design import Design
 from icjax.cli._estimate import Estimate
 from icjax.cli._export import Export
+from icjax.cli._fit import Fit
 from icjax.cli._perturbation import Perturbation
 from icjax.cli._report import Report
 from icjax.cli._transfer import Transfer
@@ -27,6 +28,7 @@ VERBS = {
     "design": Design,
     "capture": Capture,
     "estimate": Estimate,
+    "fit": Fit,
     "perturbation": Perturbation,
     "transfer": Transfer,
     "view": View,
@@ -46,6 +48,8 @@ icjax check session.toml
 icjax capture session.toml --out DIR
 
 icjax estimate DIR/recording.nc
+
+icjax fit DIR/recording.nc
 
 icjax transfer DIR/interaction.nc
 

@@ -5,6 +5,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+PAUSE = 5.0
+"""s between two notes where there is no terminal."""
+
 
 class Steps:
     """Counts the steps of a verb, shows each one's progress on stderr and keeps its seconds."""
@@ -14,8 +17,11 @@ class Steps:
         self.seconds: dict[str, float] = {}
 
     @contextmanager
-    def step(self, title: str) -> Iterator[Callable[[float], None]]:
-        """Run one step; yields a function that takes the fraction done, 0 to 1."""
+    def step(self, title: str) -> Iterator[Callable[..., None]]:
+        """Run one step; yields a function that takes the fraction done, 0 to 1, and a note on how it stands if any.
+
+        Notes stand beside the bar; where there is no terminal, every few seconds one is a line.
+        """
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -31,6 +37,16 @@ class Steps:
         )
         with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
             task = bar.add_task(label, total=1.0)
-            yield lambda fraction: bar.update(task, completed=float(fraction))
-            bar.update(task, completed=1.0)
+
+            said = float("-inf")
+
+            def told(fraction: float, note: str = "") -> None:
+                nonlocal said
+                bar.update(task, completed=float(fraction), description=f"{label}: {note}" if note else label)
+                if note and not console.is_terminal and time.perf_counter() - said >= PAUSE:
+                    said = time.perf_counter()
+                    print(f"  {note}", file=sys.stderr, flush=True)
+
+            yield told
+            bar.update(task, completed=1.0, description=label)
         self.seconds[title] = time.perf_counter() - start

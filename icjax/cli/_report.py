@@ -9,10 +9,10 @@ import tyro
 
 @dataclass(frozen=True)
 class Report:
-    """Write DIR/report.html from the recordings, interactions and rollouts found in DIR."""
+    """Write DIR/report.html from the recordings, interactions, fits and rollouts found in DIR."""
 
     folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
-    """Folder with recording.nc, interaction.nc and rollout_*.nc (each may be missing)."""
+    """Folder with recording.nc, interaction.nc, fit_*.nc and rollout_*.nc (each may be missing)."""
     out: Path | None = None
     """Page to write; DIR/report.html if not given."""
 
@@ -28,6 +28,7 @@ class Report:
 
 def report_folder(folder: Path, out: Path | None = None) -> Path:
     """Collect the records of a folder and write its page."""
+    from icjax.fit import FitRecord
     from icjax.interaction import Interaction
     from icjax.recording import Session
     from icjax.report import write_report
@@ -35,15 +36,16 @@ def report_folder(folder: Path, out: Path | None = None) -> Path:
 
     recording = folder / "recording.nc"
     interactions = sorted(folder.glob("interaction*.nc"))
-    rollouts = sorted(folder.glob("rollout_*.nc"))
-    if not (recording.exists() or interactions or rollouts):
-        raise ValueError(f"{folder}: holds no recording.nc, interaction.nc or rollout_*.nc")
+    fits, rollouts = sorted(folder.glob("fit_*.nc")), sorted(folder.glob("rollout_*.nc"))
+    if not (recording.exists() or interactions or fits or rollouts):
+        raise ValueError(f"{folder}: holds no recording.nc, interaction.nc, fit_*.nc or rollout_*.nc")
     metrics = _metrics(folder / "metrics.json")
     return write_report(
         out or folder / "report.html",
         session=Session.load(recording) if recording.exists() else None,
         interactions=tuple(Interaction.load(path) for path in interactions),
         rollouts=_told_apart([(path, Rollout.load(path)) for path in rollouts]),
+        fits=tuple(FitRecord.load(path) for path in fits),
         metrics=metrics,
         seed=metrics.get("seed") if metrics else None,
     )

@@ -3,11 +3,14 @@
 from icjax.fit._candidates import finger_candidates as finger_candidates
 from icjax.fit._candidates import finger_normal as finger_normal
 from icjax.fit._candidates import finger_posture as finger_posture
+from icjax.fit._check_fit import check_fit as check_fit
+from icjax.fit._check_fit import far_from_prior as far_from_prior
 from icjax.fit._design import Design as Design
 from icjax.fit._design import Expectation as Expectation
 from icjax.fit._design import design as design
 from icjax.fit._dynamic import DynamicEquilibrium as DynamicEquilibrium
 from icjax.fit._dynamic import response as response
+from icjax.fit._make_record import fit_record as fit_record
 from icjax.fit._options import FitOptions as FitOptions
 from icjax.fit._parameters import Parameter as Parameter
 from icjax.fit._parameters import Parameters as Parameters
@@ -18,6 +21,11 @@ from icjax.fit._problem import Measurement as Measurement
 from icjax.fit._problem import Problem as Problem
 from icjax.fit._read_design import Planned as Planned
 from icjax.fit._read_design import read_design as read_design
+from icjax.fit._record import FitRecord as FitRecord
+from icjax.fit._record import FittedParameters as FittedParameters
+from icjax.fit._record import FitWindows as FitWindows
+from icjax.fit._reference import Reference as Reference
+from icjax.fit._reference import contact_free as contact_free
 from icjax.fit._result import JointFit as JointFit
 from icjax.fit._result import SessionFit as SessionFit
 from icjax.fit._result import fit_session as fit_session

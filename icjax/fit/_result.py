@@ -1,5 +1,6 @@
 """What a fit of a session says of every joint: a number with an interval, or a refusal with its reason."""
 
+import os
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -45,6 +46,7 @@ class SessionFit(NamedTuple):
     joints: tuple[JointFit, ...]
     chi2: float
     warnings: tuple[str, ...]
+    options: FitOptions = FitOptions()
 
 
 def fit_session(
@@ -52,6 +54,7 @@ def fit_session(
     options: FitOptions | None = None,
     progress: Callable[[Progress], Any] | None = None,
     cancelled: Callable[[], bool] | None = None,
+    checkpoint: str | os.PathLike | None = None,
 ) -> SessionFit:
     """Compliance of every joint from the response to all contacts of a session, with intervals.
 
@@ -59,11 +62,13 @@ def fit_session(
     exact Jacobian, priors included. A joint is refused where the ends of its interval differ by more than
     `options.widest`, whatever its value: the contacts did not load it enough. No truth and no result enters that rule.
 
+    **Arguments**: `progress`, `cancelled` and `checkpoint` are those of `solve`.
+
     **Errors**: those of `session_problem`.
     """
     options = options or FitOptions()
     made = session_problem(session, options)
-    found = solve(made.problem, progress=progress, cancelled=cancelled)
+    found = solve(made.problem, progress=progress, cancelled=cancelled, checkpoint=checkpoint)
     x = found.value.x
     data, prior = _jacobians(made.problem, x)
     known = laplace(np.asarray(data), np.asarray(prior))
@@ -75,7 +80,9 @@ def fit_session(
         for name, i in zip(made.dof_names, range(place.start, place.stop), strict=True)
     )
     values = made.problem.parameters.values(x)
-    return SessionFit(made, found, values, known, joints, float(np.sum(rows**2)) / compared, _warnings(made, found))
+    return SessionFit(
+        made, found, values, known, joints, float(np.sum(rows**2)) / compared, _warnings(made, found), options
+    )
 
 
 @eqx.filter_jit

@@ -51,7 +51,7 @@ def compliance(
         known = [f"{truth[joint]:#.3g}" if joint in truth else "not stated"] if truth else []
         numbers = [str(count) for count in (*counts, int(summary.events[column]))]
         numbers += [stable[joint]] if repeated is not None else []
-        rows.append([name, _compliance(float(summary.compliance[column])), _interval(low, high), *known, *numbers])
+        rows.append([name, value_text(float(summary.compliance[column])), interval_text(low, high), *known, *numbers])
     extra = ["truth (virtual subject)"] if truth else []
     head = [
         "joint",
@@ -154,11 +154,13 @@ def not_drawn(model: Model, names: Sequence[str]) -> str:
     return absent(f"Only hinges and slides are drawn over time. Left out: {', '.join(left)}.")
 
 
-def _compliance(value: float) -> str:
+def value_text(value: float) -> str:
+    """A compliance as text."""
     return f"{value:#.3g}" if np.isfinite(value) else "not estimated"
 
 
-def _interval(low: float, high: float) -> str:
+def interval_text(low: float, high: float) -> str:
+    """Its interval as text, a bound where it begins at zero."""
     if low > 0 and np.isfinite(high):
         return f"{low:#.3g} to {high:#.3g}"
     return f"below {high:#.3g}" if np.isfinite(high) else "unbounded"

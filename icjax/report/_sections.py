@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from icjax import view
+from icjax.fit import FitRecord
 from icjax.interaction import Interaction
 from icjax.recording import Recording
 from icjax.report._estimates import not_drawn
@@ -214,7 +215,7 @@ def _cause(status: int) -> str:
 
 def provenance(
     recordings: Recordings,
-    interactions: Interactions,
+    estimates: Sequence[Interaction | FitRecord],
     rollouts: Rollouts,
     metrics: Mapping[str, Any] | None,
     versions: Mapping[str, str],
@@ -225,9 +226,9 @@ def provenance(
     if metrics:
         body += "<h3>Metrics</h3>" + table(["metric", "value"], [[k, v] for k, v in _flatten(metrics)])
     body += "<h3>What the records say</h3>"
-    for kind, items in (("recording", recordings), ("interaction", interactions)):
-        for item in items:
-            body += folded(f"{kind} {item.name}", _pretty(item.provenance))
+    for item in (*recordings, *estimates):
+        kind = {Recording: "recording", Interaction: "interaction", FitRecord: "fit"}[type(item)]
+        body += folded(f"{kind} {item.name}", _pretty(item.provenance))
     for item in rollouts:
         body += folded(f"scene of rollout {view.scene_name(item)}", _pretty(item.scene))
     return Section("provenance", "Where the numbers come from", body)

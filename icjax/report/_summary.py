@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from icjax.fit import FitRecord
 from icjax.interaction import Interaction
 from icjax.recording import Recording
 from icjax.rollout import Rollout
@@ -14,24 +15,31 @@ from icjax.view import scene_name
 Recordings = Sequence[Recording]
 Interactions = Sequence[Interaction]
 Rollouts = Sequence[Rollout]
+Fits = Sequence[FitRecord]
 
 
 def is_simulated(
-    recordings: Recordings, interactions: Interactions, metrics: Mapping[str, Any] | None = None
+    records: Sequence[Recording | Interaction | FitRecord], metrics: Mapping[str, Any] | None = None
 ) -> bool | None:
-    """What the provenance says about the recording: simulated, not simulated, or nothing (None).
+    """What the records' provenance says about the recording: simulated, not simulated, or nothing (None).
 
     Looked for: an entry `simulated` that is true or false, or metrics whose `data` begins with that word.
     """
     if str((metrics or {}).get("data", "")).startswith("simulated"):
         return True
-    found = [_find(_parsed(item.provenance), "simulated") for item in (*recordings, *interactions)]
+    found = [_find(_parsed(item.provenance), "simulated") for item in records]
     found.append(_find(metrics, "simulated"))
     known = [value for value in found if isinstance(value, bool)]
     return any(known) if known else None
 
 
-def lead(recordings: Recordings, interactions: Interactions, rollouts: Rollouts, simulated: bool | None) -> str:
+def lead(
+    recordings: Recordings,
+    interactions: Interactions,
+    rollouts: Rollouts,
+    simulated: bool | None,
+    fits: Fits = (),
+) -> str:
     """One paragraph: what was recorded, what was estimated from it, where it was carried."""
     parts = []
     kind = {True: "simulated ", False: "", None: ""}[simulated]
@@ -56,16 +64,31 @@ def lead(recordings: Recordings, interactions: Interactions, rollouts: Rollouts,
             "reference trajectory, where the joints would have gone without contact."
         )
     else:
-        parts.append("No interaction has been estimated yet.")
+        parts.append("No interaction has been estimated yet." if not fits else "")
+    parts += [_fit_lead(item) for item in fits]
     if rollouts:
         names = ", ".join(scene_name(item) for item in rollouts)
         parts.append(
             f"The interaction was then carried by contact simulation to {_count(len(rollouts), 'scene')}: {names}."
         )
-    return " ".join(parts)
+    return " ".join(part for part in parts if part)
 
 
-def key_figures(recordings: Recordings, interactions: Interactions, rollouts: Rollouts) -> list[tuple[str, str]]:
+def _fit_lead(fit: FitRecord) -> str:
+    found = [
+        f"{joint} {'refused' if refused else _number(float(value))}"
+        for joint, value, refused in zip(fit.joint_names, fit.compliance, fit.refused, strict=True)
+    ]
+    listed = f": {', '.join(found)} rad/Nm." if len(found) <= 6 else f"; the table lists {len(found)}."
+    return (
+        f"All contacts of the session {fit.name} together, held against {_count(fit.catch_trials, 'catch trial')}, "
+        "gave compliances with inertia, damping and planned movement accounted for" + listed
+    )
+
+
+def key_figures(
+    recordings: Recordings, interactions: Interactions, rollouts: Rollouts, fits: Fits = ()
+) -> list[tuple[str, str]]:
     """The tiles under the title."""
     figures = []
     if recordings:
@@ -88,6 +111,9 @@ def key_figures(recordings: Recordings, interactions: Interactions, rollouts: Ro
         pooled = f"events of {_count(trials, 'trial')}"
         accepted, events = int(np.sum(summary.accepted)), int(np.sum(summary.events))
         figures.append((f"{accepted} of {events}", f"joint estimates accepted, {pooled}"))
+    for fit in fits:
+        given = sum(not reason for reason in fit.refused)
+        figures.append((f"{given} of {len(fit.refused)}", f"joints fitted, not refused, session {fit.name}"))
     if rollouts:
         failed = sum(int((np.asarray(item.status) != 0).sum()) for item in rollouts)
         scenes = "the one rollout" if len(rollouts) == 1 else f"all {len(rollouts)} rollouts"
@@ -96,7 +122,7 @@ def key_figures(recordings: Recordings, interactions: Interactions, rollouts: Ro
     return figures
 
 
-def cautions(interactions: Interactions, rollouts: Rollouts, simulated: bool | None) -> list[str]:
+def cautions(interactions: Interactions, rollouts: Rollouts, simulated: bool | None, fits: Fits = ()) -> list[str]:
     """What a reader must know before using the numbers."""
     said = {
         True: "The recording is simulated: no person was measured. It shows"
@@ -107,8 +133,9 @@ def cautions(interactions: Interactions, rollouts: Rollouts, simulated: bool | N
     points = [said[simulated]]
     if interactions:
         points.append(
-            "The intervals cover the scatter between contacts, not the bias of the estimator: inertia, damping and a "
-            "planned change of movement at contact look like compliance and shift every event the same way."
+            f"The intervals {'of the estimates ' if fits else ''}cover the scatter between contacts, not the bias of "
+            "the estimator: inertia, damping and a planned change of movement at contact look like compliance and "
+            "shift every event the same way."
         )
         blind = _find(_parsed(interactions[0].provenance), "normal_only")
         if blind and isinstance(blind, list):
@@ -122,6 +149,11 @@ def cautions(interactions: Interactions, rollouts: Rollouts, simulated: bool | N
                 f"Negative estimates: {negative}. They are kept and shown; leaving them out of the summary would bias "
                 "it upward."
             )
+    if fits:
+        points.append(
+            "The intervals of the fit hold if its model does: constant compliance, repetitions that vary as the catch "
+            "trials do. A refused joint has bounds and no number."
+        )
     if rollouts:
         points.append(
             "The transfer is quasi-static: no inertia and no damping. Expect the largest errors in the first 100 ms of "

@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from icjax.files import FileError
+from icjax.fit import FitRecord
 from icjax.interaction import Interaction
 from icjax.recording import Recording, Session
 from icjax.report._estimates import compliance, contact
+from icjax.report._fits import fits as fit_section
 from icjax.report._objects import objects
 from icjax.report._page import note, page, paragraph, text, tiles
 from icjax.report._sections import forces, motion, provenance, rollout_table, scene, shown_first, view_page
@@ -30,6 +32,7 @@ def write_report(
     session: Session | Recording | None = None,
     interactions: Sequence[Interaction] = (),
     rollouts: Sequence[Rollout] = (),
+    fits: Sequence[FitRecord] = (),
     metrics: Mapping[str, Any] | None = None,
     versions: Mapping[str, str] | None = None,
     seed: int | None = None,
@@ -48,7 +51,8 @@ def write_report(
 
     - `path`: the file to write (folders are made); complete or not at all.
     - `session`: a recording or several; `interactions`: estimates, the first one is shown in full.
-    - `rollouts`: the transfers, in the order to show them.
+    - `rollouts`: the transfers, in the order to show them. `fits`: of whole sessions, each shown beside the paper's
+      estimate.
     - `metrics`: numbers to list, nested as you like; a `true_compliance` of a joint under `estimate` (a virtual
       subject) also gets a column in the table of compliance; `versions`: by default those of the installed packages.
     - `seed`: of the demonstration, if one was used.
@@ -62,7 +66,7 @@ def write_report(
     file cannot be written.
     """
     report = Report()
-    report.measured(session, interactions, metrics)
+    report.measured(session, interactions, metrics, fits)
     for rollout in rollouts:
         report.transferred(rollout)
     return report.write(path, metrics=metrics, versions=versions, seed=seed, simulated=simulated, title=title)
@@ -80,6 +84,7 @@ class Report:
         self._recordings: tuple[Recording, ...] = ()
         self._interactions: tuple[Interaction, ...] = ()
         self._rollouts: tuple[Rollout, ...] = ()
+        self._fits: tuple[FitRecord, ...] = ()
         self._name: str | None = None
         self._views: list[tuple[str, Later]] = []
         self._sections: list[Later] = []
@@ -89,15 +94,18 @@ class Report:
         session: Session | Recording | None = None,
         interactions: Sequence[Interaction] = (),
         metrics: Mapping[str, Any] | None = None,
+        fits: Sequence[FitRecord] = (),
     ) -> None:
-        """Take what was recorded and estimated; arguments as for `write_report`. To be called once."""
+        """Take what was recorded, estimated and fitted; arguments as for `write_report`. To be called once."""
         self._recordings = (session,) if isinstance(session, Recording) else (session.recordings if session else ())
         self._interactions = tuple(interactions)
+        self._fits = tuple(fits)
         self._name = session.name if session is not None else None
         first = shown_first(self._recordings, self._interactions)
         self._sections = [
             self._drawn(compliance, self._interactions, metrics, self._recordings),
             self._drawn(contact, self._interactions),
+            self._drawn(fit_section, self._fits, metrics),
             self._drawn(motion, self._recordings, self._interactions),
         ]
         if first is not None:
@@ -119,9 +127,9 @@ class Report:
         title: str | None = None,
     ) -> Path:
         """Draw the rest and write the page; arguments, result and errors as for `write_report`."""
-        recordings, interactions, rollouts = self._recordings, self._interactions, self._rollouts
-        simulated = is_simulated(recordings, interactions, metrics) if simulated is None else simulated
-        name = self._name or next((item.name for item in (*interactions, *rollouts)), "nothing")
+        recordings, interactions, rollouts, fits = self._recordings, self._interactions, self._rollouts, self._fits
+        simulated = is_simulated((*recordings, *interactions, *fits), metrics) if simulated is None else simulated
+        name = self._name or next((item.name for item in (*interactions, *rollouts, *fits)), "nothing")
         if not self._sections:
             self.measured()
         transferred = [self._drawn(forces, interactions, rollouts), self._drawn(objects, rollouts)]
@@ -131,11 +139,11 @@ class Report:
             frame,
             *(section for section in found if section is not None),
             rollout_table(rollouts),
-            provenance(recordings, interactions, rollouts, metrics, versions or installed_versions(), seed),
+            provenance(recordings, (*interactions, *fits), rollouts, metrics, versions or installed_versions(), seed),
         ]
-        header = f'<p class="lead">{text(lead(recordings, interactions, rollouts, simulated))}</p>'
-        header += tiles(key_figures(recordings, interactions, rollouts))
-        header += note(cautions(interactions, rollouts, simulated))
+        header = f'<p class="lead">{text(lead(recordings, interactions, rollouts, simulated, fits))}</p>'
+        header += tiles(key_figures(recordings, interactions, rollouts, fits))
+        header += note(cautions(interactions, rollouts, simulated, fits))
         footer = paragraph(
             "Written by icjax. Forces act on the subject. Equation and figure numbers are those of Kry and Pai, "
             "Interaction capture and synthesis, ACM Transactions on Graphics 25(3), 2006."

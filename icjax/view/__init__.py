@@ -8,6 +8,10 @@ from icjax.view._contact_plots import plot_contact_event as plot_contact_event
 from icjax.view._explore import LivePage as LivePage
 from icjax.view._explore import explore as explore
 from icjax.view._explorer import Explorer as Explorer
+from icjax.view._fit_plots import plot_fit_compliance as plot_fit_compliance
+from icjax.view._fit_plots import plot_fit_reference as plot_fit_reference
+from icjax.view._fit_plots import plot_fit_response as plot_fit_response
+from icjax.view._fit_plots import plot_fit_spectrum as plot_fit_spectrum
 from icjax.view._force_plots import force_components as force_components
 from icjax.view._force_plots import plot_forces as plot_forces
 from icjax.view._force_plots import plot_measured_forces as plot_measured_forces

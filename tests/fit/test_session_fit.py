@@ -6,24 +6,14 @@ import jax
 import numpy as np
 import pytest
 
-from icjax.capture import capture, read_session
-from icjax.fit import FitOptions, fit_session, session_problem
-from icjax.laboratory import record
+from icjax.fit import FitOptions, session_problem
 
 TRUTH = np.array([0.25, 0.70, 0.45, 1.10])
 
 
-@pytest.fixture(scope="module")
-def session(tmp_path_factory):
-    """Four trials of three contacts, two catch trials each."""
-    paths = record(tmp_path_factory.mktemp("lab"), seed=11, trials=4, contacts=3, catch=2)
-    return capture(read_session(paths.session))
-
-
 @pytest.mark.slow
-def test_wrist_and_knuckle_are_found(session):
+def test_wrist_and_knuckle_are_found(fit):
     """Within 15 % from 12 contacts with catch trials; at most one interval misses its truth."""
-    fit = fit_session(session)
     assert not fit.warnings
     for joint, truth in list(zip(fit.joints, TRUTH, strict=True))[:2]:
         assert not joint.refused

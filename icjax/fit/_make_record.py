@@ -1,0 +1,163 @@
+"""A fit in memory to the record of it."""
+
+import dataclasses
+import json
+
+import numpy as np
+
+from icjax import __version__
+from icjax.estimation import estimates
+from icjax.fit._drift import drift
+from icjax.fit._parameters import Parameter
+from icjax.fit._record import FitRecord, FittedParameters, FitWindows
+from icjax.fit._reference import contact_free
+from icjax.fit._result import SessionFit
+from icjax.inference import QUANTILE, Identity, Log
+from icjax.interaction import JointCompliance
+from icjax.recording import Session
+from icjax.results import RESULTS
+
+
+def fit_record(fit: SessionFit, session: Session, paper: JointCompliance | None = None) -> FitRecord:
+    """What `fit_session` found in a session, with the reference of `contact_free`, ready to be saved.
+
+    **Arguments**: `fit` of this `session`; `paper` the summary of `icjax.estimation.estimate` on it, made here if not
+    given.
+    """
+    made = fit.made
+    trials = session.trials()
+    if paper is None:
+        paper = next(estimates(session, wanted=(trials[0].name,))).summary
+    return FitRecord(
+        name=session.name,
+        subject=session.subject,
+        trials=tuple(item.name for item in trials),
+        catch_trials=sum(len(session.catch_trials(item.name)) for item in trials),
+        joint_names=made.dof_names,
+        joint_kinds=_kinds(fit),
+        compliance=np.array([joint.compliance for joint in fit.joints]),
+        lower=np.array([joint.lower for joint in fit.joints]),
+        upper=np.array([joint.upper for joint in fit.joints]),
+        width=np.array([joint.width for joint in fit.joints]),
+        learned=np.array([joint.learned for joint in fit.joints]),
+        refused=tuple(joint.refused for joint in fit.joints),
+        chi2=float(fit.chi2),
+        result=_result(fit),
+        warnings=fit.warnings,
+        parameters=_parameters(fit),
+        windows=_windows(fit),
+        variability=np.asarray(made.variability.amplitude),
+        inflation=float(made.variability.inflation),
+        paper=paper,
+        options=json.dumps(dataclasses.asdict(fit.options)),
+        provenance=_provenance(fit, session),
+    )
+
+
+def _kinds(fit: SessionFit) -> tuple[str, ...]:
+    motion = next(iter(fit.made.motions.values()))
+    model = motion.recording.model
+    kinds = {
+        dof: str(kind)
+        for kind, span in zip(model.joint_types, model.dof_slices, strict=True)
+        for dof in range(span.start, span.stop)
+    }
+    return tuple(kinds[dof] for dof in motion.dofs)
+
+
+def _result(fit: SessionFit) -> str:
+    found = int(np.asarray(fit.solution.result._value))
+    return next(name for name, item in RESULTS._name_to_item.items() if int(np.asarray(item._value)) == found)
+
+
+def _parameters(fit: SessionFit) -> FittedParameters:
+    """One row a number of x, in its order, then those that were held."""
+    parameters, x = fit.made.problem.parameters, np.asarray(fit.solution.value.x)
+    rows = []
+    for item in (*parameters.free, *(item for item in parameters.of if item.frozen)):
+        if item.frozen:
+            centre = np.asarray(item.transform.free(item.nominal))
+            sd, learned = np.zeros(len(centre)), np.zeros(len(centre))
+        else:
+            place = parameters.slices[item.name]
+            centre = x[place]
+            sd, learned = np.asarray(fit.laplace.sd)[place], np.asarray(fit.laplace.learned)[place]
+        ends = [_value(item, centre + sign * QUANTILE * sd) for sign in (0.0, -1.0, 1.0)]
+        prior = np.broadcast_to(np.inf if item.prior_sd is None else np.asarray(item.prior_sd, float), centre.shape)
+        nominal = _value(item, np.asarray(item.transform.free(item.nominal)))
+        scale, unit = _scale(item)
+        rows += zip(
+            item.names, item.size * [unit], item.size * [scale], *ends, sd, nominal, prior, learned, strict=True
+        )
+    name, unit, scale, *numbers = zip(*rows, strict=True)
+    return FittedParameters(tuple(name), tuple(unit), tuple(scale), *(np.array(column, float) for column in numbers))
+
+
+def _scale(item: Parameter) -> tuple[str, str]:
+    kind = type(item.transform)
+    if kind in (Log, Identity):
+        return ("log" if kind is Log else "linear"), item.unit
+    return "x", item.unit if _one_to_one(item) else f"x of {item.unit}"
+
+
+def _one_to_one(item: Parameter) -> bool:
+    """Whether every number of x has a value of its own."""
+    return int(np.size(item.nominal)) == item.size
+
+
+def _value(item: Parameter, x: np.ndarray) -> np.ndarray:
+    with np.errstate(over="ignore"):
+        return np.ravel(np.asarray(item.value(x))) if _one_to_one(item) else x
+
+
+def _windows(fit: SessionFit) -> FitWindows:
+    """Rows of every window, filled up with NaN."""
+    made, found = fit.made, contact_free(fit)
+    shape = found.deviation.shape
+    data = np.asarray(made.problem.data(fit.solution.value.x))[: found.deviation.size].reshape(shape)
+    time, angle, repetition, torque, residual = np.full(shape[:2], np.nan), *(np.full(shape, np.nan) for _ in range(4))
+    onset = []
+    for number, window in enumerate(made.windows):
+        motion, count = made.motions[window.trial], len(window.samples)
+        time[number, :count] = np.asarray(motion.recording.time)[window.samples]
+        angle[number, :count] = motion.angle[window.samples]
+        repetition[number, :count] = np.mean([item.angle for item in window.repetitions], axis=0)
+        torque[number, :count] = motion.torque[window.samples]
+        residual[number, :count] = data[number, :count]
+        onset.append(float(np.asarray(motion.recording.events.onset)[window.event]))
+    drifted = drift(fit, residual)
+    return FitWindows(
+        trial=tuple(window.trial for window in made.windows),
+        joint_names=made.dof_names,
+        event=np.array([window.event for window in made.windows]),
+        onset=np.array(onset),
+        repetitions=np.array([len(window.repetitions) for window in made.windows]),
+        time=time,
+        angle=angle,
+        repetition=repetition,
+        deviation=found.deviation,
+        drift=drifted.mean,
+        drift_sd=drifted.sd,
+        reference=found.angle,
+        reference_sd=found.sd,
+        torque=torque,
+        residual=residual,
+        correlation=found.correlation,
+    )
+
+
+def _provenance(fit: SessionFit, session: Session) -> str:
+    first = session.trials()[0].provenance
+    return json.dumps(
+        {
+            "estimator": "dynamic response after contact against catch trials, Levenberg-Marquardt, Laplace intervals",
+            "caution": "intervals hold if the model holds: constant compliance, linear damping, masses and offsets "
+            "within their priors, repetitions that vary as the catch trials do",
+            "session": session.name,
+            "subject": session.subject,
+            "normal_only": sorted({name for item in session.trials() for name in item.normal_only}),
+            "stats": {key: float(value) for key, value in fit.solution.stats.items()},
+            "icjax": __version__,
+            "recording": json.loads(first) if first else None,
+        }
+    )

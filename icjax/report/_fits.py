@@ -1,0 +1,170 @@
+"""The section about a fit of the whole session: compliances, what they explain, what they leave, what was assumed."""
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from icjax import view
+from icjax.fit import FitRecord, far_from_prior
+from icjax.report._estimates import interval_text, true_compliance, value_text
+from icjax.report._page import Section, absent, figure, folded, note, pairs, paragraph, table, text
+
+MOST = 6
+"""Joints drawn over time; those of which the data said most."""
+
+OPTIONS = {
+    "after": "{:g} s after the onset are compared",
+    "before": "{:g} s before it hold the catch trials against the trial",
+    "settle": "{:g} s after a release nothing is compared",
+    "spacing": "{:g} s between compared samples",
+    "typical_compliance": "{:g} rad/Nm, centre of the prior where the model states none",
+    "compliance_sd": "{:g}, of log C beforehand",
+    "damping_time": "{:g} s, damping over stiffness beforehand",
+    "damping_time_sd": "{:g}, of its logarithm beforehand",
+    "inertia_sd": "{:g}, relative, of the segments' masses beforehand",
+    "shift_sd": "{:g} s, by which a repetition may begin earlier or later",
+    "widest": "{:g}, largest ratio of an interval's ends that is not refused",
+}
+
+
+def fits(records: Sequence[FitRecord], metrics: Mapping[str, Any] | None = None) -> Section | None:
+    """Every fit with its figures; None where there is none."""
+    if not records:
+        return None
+    truth = true_compliance(metrics)
+    body = "".join(_fit(number, record, truth, len(records) > 1) for number, record in enumerate(records))
+    return Section("fit", "Fit of the whole session", body)
+
+
+def _fit(number: int, fit: FitRecord, truth: Mapping[str, float], named: bool) -> str:
+    body = f"<h3>{text(fit.name)}</h3>" if named else ""
+    body += paragraph(
+        f"{_count(len(fit.windows.trial), 'contact')} of {_count(len(fit.trials), 'trial')} were fitted together "
+        f"against {_count(fit.catch_trials, 'catch trial')}, the same movement with the surface taken away: what a "
+        "finger with this compliance, damping and mass would do after each contact, held against what it did. Inertia, "
+        "damping and planned movement are part of the model, which the paper's estimator leaves out."
+    )
+    body += table(*_compliances(fit, truth), words=(0,))
+    body += paragraph(
+        "Learned is the share of what was open beforehand that the data removed. The correlation of a compliance with "
+        "the reference (median over the contacts) says how far one could be traded for the other."
+    )
+    refused = [f"{name}: refused, since {why}." for name, why in _refusals(fit)]
+    body += "".join(absent(line) for line in refused)
+    told = [*fit.warnings, *far_from_prior(fit)]
+    body += note(told) if told else ""
+    body += figure(
+        view.svg(view.plot_fit_compliance(fit, truth), f"fit-{number}-compliance", "compliance with intervals"),
+        "95 % intervals of the fit and of the paper's estimate of the same session. The latter state the scatter of "
+        "the contacts, not the bias of the method.",
+    )
+    shown, left = _drawn(fit)
+    body += "<h3>Does it explain what happened?</h3>"
+    body += figure(
+        view.svg(view.plot_fit_response(fit, shown), f"fit-{number}-response", "deviation after contact"),
+        "Deviation from the movement without contact, measured and predicted, at the contacts with the strongest, "
+        "the middle and the weakest torque of each joint (trial, time and largest torque above). Measured is the "
+        "trial less the mean of its catch trials, less their drift as the movement before contact foretells it. "
+        "Band: what 95 % of repetitions would leave open. Shaded: contact.",
+    )
+    body += figure(
+        view.svg(view.plot_fit_spectrum(fit), f"fit-{number}-spectrum", "spectrum of the whitened residuals"),
+        f"Whitened residuals over frequency, mean of all contacts; their mean square is {fit.chi2:.2f}. Above one: "
+        "something that the model does not know. Below one: repetitions differ less than was assumed, and "
+        "intervals are wide.",
+    )
+    body += "<h3>Where the joints would have gone</h3>"
+    body += figure(
+        view.svg(view.plot_fit_reference(fit, shown), f"fit-{number}-reference", "reference trajectory with its band"),
+        "The measured angle less the fitted deviation, with the 95 % band of the fit's numbers and of the angles' "
+        "noise. A constant offset of a joint angle is in all three curves alike and not part of the band.",
+    )
+    if left:
+        body += absent(f"Not drawn: {', '.join(left)}.")
+    return body + _assumed(fit)
+
+
+def _compliances(fit: FitRecord, truth: Mapping[str, float]) -> tuple[list[str], list[list[str]]]:
+    units = set(fit.units.values())
+    head = [
+        "joint",
+        f"fit ({'rad/Nm' if units == {'rad/Nm'} else 'rad/Nm, m/N'})",
+        "95 % interval",
+        "learned",
+        "correlation with reference",
+        "paper's estimate",
+        "95 % interval",
+        *(["truth (virtual subject)"] if truth else []),
+    ]
+    rows = []
+    for index, joint in enumerate(fit.joint_names):
+        told = "refused" if fit.refused[index] else value_text(float(fit.compliance[index]))
+        trade = np.asarray(fit.windows.correlation)[:, index]
+        trade = trade[np.isfinite(trade)]
+        row = [
+            joint,
+            told,
+            _whole(interval_text(float(fit.lower[index]), float(fit.upper[index]))),
+            f"{float(fit.learned[index]):.0%}",
+            f"{np.median(trade):.2f}".replace("-", "−") if trade.size else "none",
+        ]
+        if joint in fit.paper.joint_names:
+            at = fit.paper.joint_names.index(joint)
+            row.append(value_text(float(fit.paper.compliance[at])))
+            row.append(_whole(interval_text(float(fit.paper.lower[at]), float(fit.paper.upper[at]))))
+        else:
+            row += ["", ""]
+        rows.append([*row, *([f"{truth[joint]:#.3g}" if joint in truth else "not stated"] if truth else [])])
+    return head, rows
+
+
+def _whole(words: str) -> str:
+    """Without a place to break the line."""
+    return words.replace(" ", "\N{NO-BREAK SPACE}")
+
+
+def _refusals(fit: FitRecord) -> list[tuple[str, str]]:
+    return [(name, why) for name, why in zip(fit.joint_names, fit.refused, strict=True) if why]
+
+
+def _drawn(fit: FitRecord) -> tuple[list[str], list[str]]:
+    """Joints that are drawn over time, and the others."""
+    known = np.nan_to_num(np.asarray(fit.learned))
+    best = set(np.argsort(-known, kind="stable")[:MOST].tolist())
+    names = fit.joint_names
+    return [n for i, n in enumerate(names) if i in best], [n for i, n in enumerate(names) if i not in best]
+
+
+def _assumed(fit: FitRecord) -> str:
+    body = "<h3>What was assumed</h3>" + paragraph(
+        "Compliance and damping are constant through a session and the same in every contact; each joint has its own. "
+        "Masses, offsets of the joint angles, the place, gain and delay of the force sensor are uncertain within their "
+        "priors. A trial departs from what was intended as its catch trials depart from each other. Intervals hold if "
+        "all that holds."
+    )
+    options = json.loads(fit.options)
+    body += pairs([(name.replace("_", " "), OPTIONS.get(name, "{}").format(value)) for name, value in options.items()])
+    fast, slow = (np.degrees(np.asarray(row)) for row in np.asarray(fit.variability))
+    spread = [
+        f"{joint} {a:.2g}° and {b:.2g}°" if kind != "slide" else joint
+        for joint, kind, a, b in zip(fit.joint_names, fit.joint_kinds, fast, slow, strict=True)
+    ]
+    body += paragraph(
+        f"Repetitions scatter about what was intended by (tremor and slow wandering): {', '.join(spread)}."
+        + (f" That variance was multiplied by {fit.inflation:.2f}." if fit.inflation > 1.0 else "")
+    )
+    parameters = fit.parameters
+    lines = [f"{'':28s}{'beforehand':>12s}{'fit':>12s}{'95 % interval':>26s}{'learned':>9s}  unit"]
+    for row, name in enumerate(parameters.parameter_names):
+        interval = f"{parameters.lower[row]:.3g} to {parameters.upper[row]:.3g}"
+        lines.append(
+            f"{name:28s}{parameters.nominal[row]:>12.3g}{parameters.value[row]:>12.3g}{interval:>26s}"
+            f"{parameters.learned[row]:>9.0%}  {parameters.units[row]}"
+        )
+    return body + folded("Every number that was fitted", "\n".join(lines))
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" + ("" if number == 1 else "s")
