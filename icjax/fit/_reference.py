@@ -38,8 +38,8 @@ def contact_free(fit: SessionFit) -> Reference:
     depends on a number that neither data nor prior determine, it is infinite. The constant offset of a joint angle is
     in q and in q_ref alike and no part of the band; neither is a model that is wrong.
 
-    A larger C with a reference farther from the measured angle fits nearly as well: `correlation` says how nearly. It is
-    that of S alone, NaN for a joint that no number of the fit moves.
+    A larger C with a reference farther from the measured angle fits nearly as well: `correlation` says how nearly. It
+    is that of S alone, NaN for a joint that no number of the fit moves.
 
     **Returns** `Reference`, joints in the order of `SessionProblem.dof_names`.
     """
