@@ -21,10 +21,10 @@ class Drift(NamedTuple):
 
 
 def drift(fit: SessionFit, residual: Float[np.ndarray, "window sample joint"]) -> Drift:
-    r"""What `DynamicEquilibrium` expects of repetitions, given the samples that no contact has touched.
+    """What `DynamicEquilibrium` expects of repetitions, given the samples that no contact has touched.
 
-    With K = L L^T the covariance of y = difference - e in the order of time and r = L^{-1} y its `residual`, the rows
-    after contact have the mean $L_{21} r_1$ and the covariance $L_{22} L_{22}^T$ given those before.
+    With K = L L^T the covariance of y = difference - e in the order of time and r = L^-1 y its `residual`, the rows
+    after contact have the mean L21 r1 and the covariance L22 L22^T given those before.
     """
     measurement = fit.made.problem.measurements[0]
     shape = residual.shape

@@ -31,15 +31,15 @@ class Reference(NamedTuple):
 
 
 def contact_free(fit: SessionFit) -> Reference:
-    r"""Reference trajectory of a fit around every contact, $q_{ref} = q - e(\hat x)$.
+    """Reference trajectory of a fit around every contact, q_ref = q - e(x), x what the fit found.
 
-    The variance is $J \Sigma J^T + \sigma^2$, with J the exact derivative of e by the numbers of the fit, $\Sigma$
-    their covariance (`SessionFit.laplace`) and $\sigma^2$ the variance of a frame's angle (`Motion.noise`). Where e
+    The variance is the diagonal of J S J^T + N, with J the exact derivative of e by x, S the covariance of x
+    (`SessionFit.laplace`) and N that of the angles from frame to frame (`Motion.noise`). Where e
     depends on a number that neither data nor prior determine, it is infinite. The constant offset of a joint angle is
     in q and in q_ref alike and no part of the band; neither is a model that is wrong.
 
-    A larger C with a reference nearer to the measured angle fits nearly as well: `correlation` says how nearly. It is
-    that of $\Sigma$ alone, NaN for a joint that no number of the fit moves.
+    A larger C with a reference farther from the measured angle fits nearly as well: `correlation` says how nearly. It
+    is that of S alone, NaN for a joint that no number of the fit moves.
 
     **Returns** `Reference`, joints in the order of `SessionProblem.dof_names`.
     """

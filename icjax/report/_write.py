@@ -102,9 +102,12 @@ class Report:
         self._fits = tuple(fits)
         self._name = session.name if session is not None else None
         first = shown_first(self._recordings, self._interactions)
-        self._sections = [
+        estimated = [
             self._drawn(compliance, self._interactions, metrics, self._recordings),
             self._drawn(contact, self._interactions),
+        ]
+        self._sections = [
+            *(estimated if interactions or not fits else []),  # a fit holds the estimate too
             self._drawn(fit_section, self._fits, metrics),
             self._drawn(motion, self._recordings, self._interactions),
         ]

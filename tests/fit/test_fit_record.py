@@ -95,7 +95,7 @@ def test_record_of_a_fit(fit, session, recorded, tmp_path):
     before = windows.drift_sd == 0.0
     np.testing.assert_allclose(windows.drift[before], y[before], atol=1e-9)
     after = windows.drift_sd > 0.0
-    assert np.mean(((y - windows.drift) / windows.drift_sd)[after] ** 2) < 3.0
+    assert np.mean(((y - windows.drift)[after] / windows.drift_sd[after]) ** 2) < 3.0
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecu
 import equinox as eqx
 import numpy as np
 import pytest
+from view.example_fit import REASON, make_fit
 from view.example_leg import with_ball_joint, without_poses
 from view.example_objects import make_object_rollout
 from view.example_records import make_interaction, make_recording, make_rollout
@@ -222,3 +223,19 @@ def test_many_objects_are_drawn_few_at_a_time(tmp_path):
     assert section.count("<svg") == 4 + 1  # twelve, three at a time; and the grip
     assert "Not drawn: ball12, ball13." in section
     assert section.count("<tr><td") == count
+
+
+def test_fit_alone(tmp_path):
+    """Compliances beside the paper's, the refused joint with its reason, figures with ids of their own."""
+    page = write_report(tmp_path / "report.html", fits=(make_fit("<i>"), make_fit("two"))).read_text(encoding="utf-8")
+    assert "<i>" not in page.replace("<i><", "")
+    assert "no person was measured" in page
+    assert f"MP: refused, since {REASON}." in page
+    assert "wrist 0.25, MP refused rad/Nm" in page
+    assert "1 of 2" in page
+    assert "0.227\N{NO-BREAK SPACE}to\N{NO-BREAK SPACE}0.276" in page
+    for number in (0, 1):
+        for figure in ("compliance", "response", "spectrum", "reference"):
+            assert f'id="fit-{number}-{figure}-' in page
+    assert "That variance was multiplied by 1.20" in page
+    assert "compliance wrist" in page
