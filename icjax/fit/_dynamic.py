@@ -11,6 +11,10 @@ from icjax.fit._parameters import Values
 from icjax.typing import Float, Int, Real
 
 
+USES = ("compliance", "damping time", "inertia", "offsets", "sensor gain", "sensor delay")
+"""Parameters of every dynamic equilibrium."""
+
+
 class DynamicEquilibrium(eqx.Module):
     """Angles after contact against those of repetitions without it.
 
@@ -34,9 +38,11 @@ class DynamicEquilibrium(eqx.Module):
       `inertia` three arrays [event, frame, segment, dof, dof]; `armature` [dof].
     - `frames` [event, sample]: frames that are compared; `difference` rad [event, sample, dof]: trial less repetitions;
       `whitening` [event, n, n]: inverse of the Cholesky factor of its covariance, zero rows where nothing is compared.
+    - `systematic` rad [event, sample, dof, mode]: what the contacts without repetitions have in common, by "planned".
 
     **Uses** "compliance" (diagonal `[dof]` or full `[dof, dof]`), "damping time" `[dof]`, "inertia" `[segment]`,
-    "offsets" `[offset]` in units of its prior (`offset_factor` its Cholesky factor), "sensor gain" and "sensor delay".
+    "offsets" `[offset]` in units of its prior (`offset_factor` its Cholesky factor), "sensor gain" and "sensor delay";
+    with `systematic`, "planned" `[mode]` in units of its prior.
 
     Source: the deviation form of Kry and Pai 2006, section 4.3; the whitening is ours.
     """
@@ -52,9 +58,12 @@ class DynamicEquilibrium(eqx.Module):
     frames: Int[Real, "event sample"]
     difference: Float[Real, "event sample dof"]
     whitening: Float[Real, "event n n"]
-    uses: tuple[str, ...] = eqx.field(
-        static=True, default=("compliance", "damping time", "inertia", "offsets", "sensor gain", "sensor delay")
-    )
+    systematic: Float[Real, "event sample dof mode"] | None = None
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return USES if self.systematic is None else (*USES, "planned")
 
     def deviation(self, values: Values) -> Float[Real, "event frame dof"]:
         """e of every event and frame, rad."""
@@ -71,6 +80,8 @@ class DynamicEquilibrium(eqx.Module):
         """Whitened `[event * sample * dof]`."""
         deviation = self.deviation(values)
         left = jnp.asarray(self.difference) - jax.vmap(lambda e, at: e[at])(deviation, jnp.asarray(self.frames))
+        if self.systematic is not None:
+            left = left - jnp.asarray(self.systematic) @ values["planned"]
         flat = left.reshape(left.shape[0], -1)
         return jnp.ravel(jnp.einsum("eij,ej->ei", jnp.asarray(self.whitening), flat))
 

@@ -1,0 +1,176 @@
+"""Contacts of a session as rows of a dynamic equilibrium: what would have happened without them, and how surely."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from icjax.fit._dynamic import DynamicEquilibrium, whitener
+from icjax.fit._options import FitOptions
+from icjax.fit._planned_movement import PlannedMovement, free_stretches, learn_movement, pace
+from icjax.fit._repetitions import Repetition
+from icjax.fit._variability import Curve, Variability, covariance, learn
+from icjax.fit._windows import Motion, inertia_along, smoothed
+
+SMEAR = 0.024
+"""s before the onset in which the filter already shows the contact."""
+
+
+class Window(NamedTuple):
+    """One contact: frames of the trial, its repetitions laid over it at the compared samples; none without them."""
+
+    trial: str
+    event: int
+    first: int
+    onset: int
+    last: int
+    samples: np.ndarray
+    repetitions: tuple[Repetition, ...]
+
+
+class Expected(NamedTuple):
+    """What is known of movement without contact, of the windows of a session.
+
+    - `noise` [dof, dof]: rad^2, of the angles from frame to frame.
+    - `variability`: how far repetitions depart from what was intended; None where no window has one.
+    - `movement`: how movement goes on, for windows without repetitions; None where all have them.
+    """
+
+    noise: np.ndarray
+    variability: Variability | None
+    movement: PlannedMovement | None
+
+
+def expectation(windows: list[Window], motions: dict[str, Motion], options: FitOptions) -> Expected:
+    """Learnt from the repetitions, and from the free movement of trials without them.
+
+    **Errors**: those of `learn` and `learn_movement`.
+    """
+    noise = np.mean([motion.noise for motion in motions.values()], axis=0)
+    repeated = [window for window in windows if window.repetitions]
+    alone = list(dict.fromkeys(window.trial for window in windows if not window.repetitions))
+    variability = _learn_variability(repeated, motions, noise, options) if repeated else None
+    movement = _learn_movement([motions[name] for name in alone], noise, options) if alone else None
+    return Expected(noise, variability, movement)
+
+
+def _learn_variability(windows, motions, noise, options) -> Variability:
+    curves, correlations = [], []
+    for window in windows:
+        motion = motions[window.trial]
+        s = (window.samples - window.onset) / motion.recording.rate
+        rho = _correlation(motion, window.samples)
+        for one, other in zip(window.repetitions, window.repetitions[1:], strict=False):
+            curves.append(Curve(s, one.angle - other.angle, (one.rate, other.rate)))
+            correlations.append(rho)
+        free = s <= -SMEAR
+        for one in window.repetitions[:1]:
+            curves.append(Curve(s[free], motion.angle[window.samples][free] - one.angle[free], (one.rate[free],)))
+            correlations.append(rho[np.ix_(free, free)])
+    return learn(curves, noise, correlations, options.shift_sd)
+
+
+def _learn_movement(motions: list[Motion], noise, options) -> PlannedMovement:
+    rate = motions[0].recording.rate
+    stride = _stride(options, rate)
+    before, after = (int(x * rate) // stride for x in (options.before, options.after))
+    samples = before + after + 1
+    margins = SMEAR, options.settle
+    stretches = [item for motion in motions for item in free_stretches(motion, samples, stride, margins)]
+    s = np.arange(-before, after + 1) * stride / rate
+    return learn_movement(s, stretches, noise, _correlation(motions[0], np.arange(samples) * stride))
+
+
+def measured(
+    name: str,
+    windows: list[Window],
+    motions: dict[str, Motion],
+    groups: np.ndarray,
+    expected: Expected,
+    options: FitOptions,
+) -> DynamicEquilibrium:
+    """All windows as one measurement, filled up to one length."""
+    first = motions[windows[0].trial]
+    rate = first.recording.rate
+    dofs = len(expected.noise)
+    length = max(w.last - w.first + 1 for w in windows)
+    count = max(len(w.samples) for w in windows)
+    rows: dict[str, list[np.ndarray]] = {key: [] for key in ("torque", "rate", "by", "frames", "y", "W", "systematic")}
+    inertia: list[list[np.ndarray]] = [[], [], []]
+    movements = {name: smoothed(motions[name]) for name in dict.fromkeys(w.trial for w in windows)}
+    modes = None if expected.movement is None else expected.movement.modes(options.before, options.after)
+    for window in windows:
+        motion = motions[window.trial]
+        frames = np.arange(window.first, window.last + 1)
+        torque = motion.torque[frames]
+        rows["torque"].append(_filled(torque, length))
+        rows["rate"].append(_filled(np.gradient(torque, 1.0 / rate, axis=0), length))
+        rows["by"].append(_filled(motion.by_offset[frames], length))
+        for store, part in zip(inertia, inertia_along(motion, movements[window.trial], groups, frames), strict=True):
+            store.append(_filled(part, length, repeat=True))
+        y, K = _against_expected(motion, window, expected, options)
+        used = np.zeros((count, dofs), bool)
+        used[: len(window.samples)] = True
+        full = np.eye(count * dofs)
+        full[: y.size, : y.size] = K
+        rows["W"].append(whitener(full, used.ravel()))
+        rows["y"].append(_filled(y, count))
+        rows["frames"].append(_filled(window.samples - window.first, count))
+        if modes is not None:
+            s = (window.samples - window.onset) / rate
+            speeds = np.zeros(dofs) if window.repetitions else pace(s, motion.angle[window.samples])
+            rows["systematic"].append(_filled(_systematic(modes, s, speeds), count))
+    stacked = {key: np.stack(items) for key, items in rows.items() if items}
+    offset = np.linalg.cholesky(first.offset + 1e-18 * np.eye(len(first.offset)))
+    return DynamicEquilibrium(
+        name, 1.0 / rate, stacked["torque"], stacked["rate"], stacked["by"],
+        (np.stack(inertia[0]), np.stack(inertia[1]), np.stack(inertia[2])),
+        np.asarray(first.recording.model.armature)[list(first.dofs)], offset,
+        stacked["frames"].astype(int), stacked["y"], stacked["W"], stacked.get("systematic"),
+    )  # fmt: skip
+
+
+def _against_expected(motion: Motion, window: Window, expected: Expected, options: FitOptions):
+    """Angles less what was expected [sample, dof], and the covariance of that [sample * dof, sample * dof]."""
+    s = (window.samples - window.onset) / motion.recording.rate
+    rho = _correlation(motion, window.samples)
+    angle = motion.angle[window.samples]
+    if not window.repetitions:
+        assert expected.movement is not None
+        K = expected.movement.covariance(s, pace(s, angle), expected.noise, rho)
+        return angle - angle[:1], K.reshape(angle.size, -1)
+    assert expected.variability is not None
+    n = len(window.repetitions)
+    mean = np.mean([item.angle for item in window.repetitions], axis=0)
+    K = (1.0 + 1.0 / n) * covariance(s, expected.variability, expected.noise, rho).reshape(mean.size, mean.size)
+    for item in window.repetitions:
+        K = K + (options.shift_sd / n) ** 2 * np.outer(item.rate.ravel(), item.rate.ravel())
+    return angle - mean, K
+
+
+def _systematic(modes: tuple[np.ndarray, list[np.ndarray]], s: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+    """What the modes of all joints, one after the other, do to the angles [sample, dof, mode]."""
+    at, of = modes
+    result = np.zeros((len(s), len(of), sum(part.shape[1] for part in of)))
+    begin = 0
+    for joint, part in enumerate(of):
+        for mode in range(part.shape[1]):
+            result[:, joint, begin + mode] = speeds[joint] * np.interp(s, at, part[:, mode])
+        begin += part.shape[1]
+    return result
+
+
+def _stride(options: FitOptions, rate: float) -> int:
+    return max(1, round(options.spacing * rate))
+
+
+def _correlation(motion: Motion, samples: np.ndarray) -> np.ndarray:
+    return motion.correlation[np.abs(samples[:, None] - samples[None, :])]
+
+
+def _filled(values: np.ndarray, length: int, repeat: bool = False) -> np.ndarray:
+    """Lengthened at the end, with zeros or the last row."""
+    missing = length - len(values)
+    if missing == 0:
+        return values
+    tail = np.repeat(values[-1:], missing, axis=0) if repeat else np.zeros((missing, *values.shape[1:]), values.dtype)
+    return np.concatenate([values, tail])

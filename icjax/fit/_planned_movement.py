@@ -1,0 +1,161 @@
+"""What a movement without catch trials would have done after contact: a Gaussian process learnt from free movement."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import minimize
+
+from icjax.fit._variability import FAST, JITTER, matern
+from icjax.fit._windows import Motion
+from icjax.typing import Float
+
+LEAST_STRETCHES = 4
+"""Stretches of free movement below which nothing is learnt of how movement goes on."""
+
+CENTRE = np.log([0.2, 0.2, np.radians(0.05)])
+WIDTH = np.log([5.0, 2.0, 5.0])
+"""Prior of the logarithms of `reach`, `length` and `tremor`: means and standard deviations."""
+
+STILL = 0.05
+"""rad/s; a pace below which noise and tremor are all that moves."""
+
+ANYWHERE = 1.0
+"""rad; standard deviation of where a movement begins."""
+
+LEAST_SHARE = 1e-3
+"""Of the largest mode's standard deviation, below which a mode of the systematic part is left out."""
+
+GRID = 0.004
+"""s between the times at which these modes are computed."""
+
+
+class PlannedMovement(NamedTuple):
+    """Planned movement of each joint as a process of twice differentiable paths (`matern`).
+
+    - `reach` s [dof]: its standard deviation over the `pace` of the movement, so that fast movements may change by more.
+    - `length` s [dof] of the process, `tremor` rad [dof] of what is faster (length `FAST`).
+    - `inflation` multiplies the covariance so that free movement foretold from what precedes it misses as much as it
+      says.
+    """
+
+    reach: Float[np.ndarray, " dof"]
+    length: Float[np.ndarray, " dof"]
+    tremor: Float[np.ndarray, " dof"]
+    inflation: float
+
+    def covariance(
+        self,
+        s: Float[np.ndarray, " sample"],
+        pace: Float[np.ndarray, " dof"],
+        noise: Float[np.ndarray, "dof dof"],
+        correlation: Float[np.ndarray, "sample sample"],
+    ) -> Float[np.ndarray, "sample dof sample dof"]:
+        """Of the measured angles of a movement, wherever it begins."""
+        count, dofs = len(s), len(noise)
+        lag = s[:, None] - s[None, :]
+        full = np.einsum("st,ij->sitj", correlation, noise)
+        for joint in range(dofs):
+            full[:, joint, :, joint] += (self.reach[joint] * pace[joint]) ** 2 * matern(lag, self.length[joint])
+            full[:, joint, :, joint] += self.tremor[joint] ** 2 * matern(lag, FAST) + ANYWHERE**2
+        full = full.reshape(count * dofs, count * dofs)
+        full[np.diag_indices(count * dofs)] += JITTER**2
+        return self.inflation * full.reshape(count, dofs, count, dofs)
+
+    def modes(self, before: float, after: float) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Of every joint, what a movement of unit pace may do after contact given all before it.
+
+        **Returns** times s from contact, and for each joint an array [time, mode], s: columns of a factor of the
+        covariance over pace^2, largest first.
+        """
+        s = np.arange(-round(before / GRID), round(after / GRID) + 1) * GRID
+        known = s <= 0.0
+        lag = s[:, None] - s[None, :]
+        found = []
+        for reach, length in zip(self.reach, self.length, strict=True):
+            K = self.inflation * reach**2 * (matern(lag, length) + 1e-10 * np.eye(len(s)))
+            gain = np.linalg.solve(K[np.ix_(known, known)], K[np.ix_(known, ~known)]).T
+            left = K[np.ix_(~known, ~known)] - gain @ K[np.ix_(known, ~known)]
+            values, vectors = np.linalg.eigh(0.5 * (left + left.T))
+            values, vectors = values[::-1], vectors[:, ::-1]
+            kept = values > LEAST_SHARE**2 * values[0]
+            columns = np.zeros((len(s), int(np.sum(kept))))
+            columns[~known] = vectors[:, kept] * np.sqrt(values[kept])
+            found.append(columns)
+        return s, found
+
+
+def pace(s: Float[np.ndarray, " sample"], angle: Float[np.ndarray, "*rows sample dof"]) -> Float[np.ndarray, "*rows dof"]:
+    """Root mean square of the angular velocity at s <= 0, rad/s, at least `STILL`."""
+    before = angle[..., s <= 0.0, :]
+    rate = np.gradient(before, s[s <= 0.0], axis=-2)
+    return np.sqrt(np.mean(rate**2, axis=-2) + STILL**2)
+
+
+def free_stretches(motion: Motion, samples: int, stride: int, margins: tuple[float, float]) -> list[np.ndarray]:
+    """Stretches of a recording without contact, each half over the next: angles [sample, dof], `stride` frames apart.
+
+    **Arguments**: `margins` s before an onset and after a release that do not count as free.
+    """
+    recording, length = motion.recording, (samples - 1) * stride + 1
+    time = np.asarray(recording.time)
+    free = motion.valid & ~np.asarray(recording.touching).any(axis=1)
+    onset, release = np.asarray(recording.events.onset, float), np.asarray(recording.events.release, float)
+    for start, end in zip(onset, release, strict=True):
+        free &= (time < start - margins[0]) | (time > (np.inf if np.isnan(end) else end + margins[1]))
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], free.astype(int), [0]])))
+    return [
+        motion.angle[at : at + length : stride]
+        for begin, end in zip(edges[::2], edges[1::2], strict=True)
+        for at in range(end - length, begin - 1, -max(1, length // 2))
+    ]
+
+
+def learn_movement(
+    s: Float[np.ndarray, " sample"],
+    stretches: list[np.ndarray],
+    noise: Float[np.ndarray, "dof dof"],
+    correlation: Float[np.ndarray, "sample sample"],
+) -> PlannedMovement:
+    """Hyperparameters of greatest posterior density from stretches of free movement, joints taken one by one.
+
+    `inflation` is the mean square of the whitened angles at s > 0 given those before, at least one.
+
+    **Arguments**: `s` of the samples, zero where in a contact's window the contact would be; `stretches` each
+    [sample, dof].
+
+    **Errors**: `ValueError` for fewer than `LEAST_STRETCHES`.
+    """
+    if len(stretches) < LEAST_STRETCHES:
+        raise ValueError(
+            f"{len(stretches)} stretches of {s[-1] - s[0]:.2g} s without contact; without catch trials at least "
+            f"{LEAST_STRETCHES} must tell how movement goes on"
+        )
+    angle = np.stack(stretches)
+    angle, paces = angle - angle[:, :1], pace(s, angle)
+    lag = s[:, None] - s[None, :]
+    found = np.empty((3, angle.shape[2]))
+    for joint in range(angle.shape[2]):
+        rest = noise[joint, joint] * correlation + JITTER**2 * np.eye(len(s)) + ANYWHERE**2
+        y, speed = angle[:, :, joint, None], paces[:, joint, None, None]
+
+        def cost(x, y=y, speed=speed, rest=rest):
+            reach, length, tremor = np.exp(x)
+            factor = np.linalg.cholesky(
+                (reach * speed) ** 2 * matern(lag, length) + tremor**2 * matern(lag, FAST) + rest
+            )
+            told = 0.5 * np.sum(np.linalg.solve(factor, y) ** 2)
+            told += np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)))
+            return told + 0.5 * np.sum(((x - CENTRE) / WIDTH) ** 2)
+
+        bounds = list(zip(CENTRE - 4 * WIDTH, CENTRE + 4 * WIDTH, strict=True))
+        found[:, joint] = np.exp(minimize(cost, CENTRE, method="L-BFGS-B", bounds=bounds).x)
+    plain = PlannedMovement(found[0], found[1], found[2], 1.0)
+    squares = [_missed(plain, s, one, speed, noise, correlation) for one, speed in zip(angle, paces, strict=True)]
+    return plain._replace(inflation=max(1.0, float(np.mean(squares))))
+
+
+def _missed(plain, s, angle, speed, noise, correlation) -> float:
+    """Mean square of a stretch's whitened angles at s > 0."""
+    K = plain.covariance(s, speed, noise, correlation).reshape(angle.size, -1)
+    white = np.linalg.solve(np.linalg.cholesky(K), angle.ravel()).reshape(angle.shape)
+    return float(np.mean(white[s > 0.0] ** 2))
