@@ -1,4 +1,4 @@
-"""`icjax fit`: a session with catch trials to compliance, damping and masses that explain the response to contact."""
+"""`icjax fit`: a session to compliance, damping and masses that explain the response to contact."""
 
 import sys
 from dataclasses import dataclass
@@ -19,9 +19,9 @@ OPTIONS = ("after", "before", "settle", "typical_compliance", "compliance_sd", "
 class Fit:
     """Fit compliance to the first 100 ms of every contact of a session against its catch trials; write DIR/fit_NAME.nc.
 
-    Catch trials are the same movement with the surface taken away. A joint that the contacts hardly loaded is refused:
-    it gets bounds and a reason, no number. The paper's estimate of the same session is printed beside it. Ctrl-C keeps
-    the steps taken, for --resume.
+    Catch trials are the same movement with the surface taken away; without them intervals are several times as wide. A
+    joint that the contacts hardly loaded is refused: it gets bounds and a reason, no number. The paper's estimate of
+    the same session is printed beside it. Ctrl-C keeps the steps taken, for --resume.
     """
 
     session: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RECORDING.NC|SESSION.TOML")]
@@ -129,8 +129,8 @@ def fit_text(record: "FitRecord") -> str:
         f"{joint} refused: {reason}" for joint, reason in zip(record.joint_names, record.refused, strict=True) if reason
     ]
     lines.append(
-        f"{len(record.windows.trial)} contacts of {len(record.trials)} trials against {record.catch_trials} catch "
-        f"trials; chi2 {record.chi2:.2f} (1 where noise and repetitions are as assumed)"
+        f"{len(record.windows.trial)} contacts of {len(record.trials)} trials against {record.catch_trials or 'no'} "
+        f"catch trials; chi2 {record.chi2:.2f} (1 where noise and repetitions are as assumed)"
     )
     lines += [f"warning: {text}" for text in (*record.warnings, *far_from_prior(record))]
     return "\n".join(lines)

@@ -81,7 +81,6 @@ def _learn_movement(motions: list[Motion], noise, options) -> PlannedMovement:
 
 
 def measured(
-    name: str,
     windows: list[Window],
     motions: dict[str, Motion],
     groups: np.ndarray,
@@ -122,7 +121,7 @@ def measured(
     stacked = {key: np.stack(items) for key, items in rows.items() if items}
     offset = np.linalg.cholesky(first.offset + 1e-18 * np.eye(len(first.offset)))
     return DynamicEquilibrium(
-        name, 1.0 / rate, stacked["torque"], stacked["rate"], stacked["by"],
+        "contacts", 1.0 / rate, stacked["torque"], stacked["rate"], stacked["by"],
         (np.stack(inertia[0]), np.stack(inertia[1]), np.stack(inertia[2])),
         np.asarray(first.recording.model.armature)[list(first.dofs)], offset,
         stacked["frames"].astype(int), stacked["y"], stacked["W"], stacked.get("systematic"),
@@ -157,6 +156,19 @@ def _systematic(modes: tuple[np.ndarray, list[np.ndarray]], s: np.ndarray, speed
             result[:, joint, begin + mode] = speeds[joint] * np.interp(s, at, part[:, mode])
         begin += part.shape[1]
     return result
+
+
+def unexplained(whitening: np.ndarray, window: Window, rate: float, dofs: int) -> tuple[np.ndarray, np.ndarray]:
+    """Factor of the covariance of a window's angles, split where contact begins to show.
+
+    **Returns** [row, row before] by whitened rows before contact, and [row, row]: columns before contact zero.
+    """
+    used = len(window.samples) * dofs
+    factor = np.tril(np.linalg.inv(whitening[:used, :used]))
+    known = int(np.sum(window.samples - window.onset <= -SMEAR * rate)) * dofs
+    left = factor.copy()
+    left[:, :known] = 0.0
+    return factor[:, :known], left
 
 
 def _stride(options: FitOptions, rate: float) -> int:

@@ -1,19 +1,19 @@
-"""Where the trial would have drifted from its repetitions, judged by the movement before contact."""
+"""Where the trial would have drifted from what was expected, judged by the movement before contact."""
 
 from typing import NamedTuple
 
 import numpy as np
 
+from icjax.fit._contacts import unexplained
 from icjax.fit._result import SessionFit
-from icjax.fit._session import SMEAR
 from icjax.typing import Float
 
 
 class Drift(NamedTuple):
     """Of every window at its compared samples, rad; NaN past a window's end.
 
-    - `mean` [window, sample, joint]: trial less repetitions less predicted deviation, expected from what it was before
-      the contact (there it is what it was). `sd`: of what that leaves open, zero before.
+    - `mean` [window, sample, joint]: trial less what was expected less predicted deviation, expected from what it was
+      before the contact (there it is what it was). `sd`: of what that leaves open, zero before.
     """
 
     mean: Float[np.ndarray, "window sample joint"]
@@ -21,22 +21,23 @@ class Drift(NamedTuple):
 
 
 def drift(fit: SessionFit, residual: Float[np.ndarray, "window sample joint"]) -> Drift:
-    """What `DynamicEquilibrium` expects of repetitions, given the samples that no contact has touched.
+    """What `DynamicEquilibrium` expects, given the samples that no contact has touched.
 
     With K = L L^T the covariance of y = difference - e in the order of time and r = L^-1 y its `residual`, the rows
-    after contact have the mean L21 r1 and the covariance L22 L22^T given those before.
+    after contact have the mean L21 r1 and the covariance L22 L22^T given those before. What contacts without
+    repetitions have in common ("planned") is part of the mean.
     """
     measurement = fit.made.problem.measurements[0]
     shape = residual.shape
+    shared = np.zeros(shape)
+    if measurement.systematic is not None:
+        shared = np.asarray(measurement.systematic) @ np.asarray(fit.values["planned"])
     mean, sd = np.full(shape, np.nan), np.full(shape, np.nan)
     for number, window in enumerate(fit.made.windows):
-        motion, count = fit.made.motions[window.trial], len(window.samples)
-        used = count * shape[2]
-        factor = np.tril(np.linalg.inv(np.asarray(measurement.whitening)[number, :used, :used]))
-        known = int(np.sum(window.samples - window.onset <= -SMEAR * motion.recording.rate)) * shape[2]
+        rate = fit.made.motions[window.trial].recording.rate
+        count = len(window.samples)
+        by_before, left = unexplained(np.asarray(measurement.whitening)[number], window, rate, shape[2])
         rows = residual[number, :count].ravel()
-        open_part = factor.copy()
-        open_part[:, :known] = 0.0
-        mean[number, :count] = (factor[:, :known] @ rows[:known]).reshape(count, -1)
-        sd[number, :count] = np.linalg.norm(open_part, axis=1).reshape(count, -1)
+        mean[number, :count] = (by_before @ rows[: by_before.shape[1]]).reshape(count, -1) + shared[number, :count]
+        sd[number, :count] = np.linalg.norm(left, axis=1).reshape(count, -1)
     return Drift(mean, sd)

@@ -10,7 +10,6 @@ import numpy as np
 from icjax.fit._parameters import Values
 from icjax.typing import Float, Int, Real
 
-
 USES = ("compliance", "damping time", "inertia", "offsets", "sensor gain", "sensor delay")
 """Parameters of every dynamic equilibrium."""
 

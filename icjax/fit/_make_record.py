@@ -26,6 +26,7 @@ def fit_record(fit: SessionFit, session: Session, paper: JointCompliance | None 
     """
     made = fit.made
     trials = session.trials()
+    count, repeated, alone = len(made.dof_names), made.expected.variability, made.expected.movement
     if paper is None:
         paper = next(estimates(session, wanted=(trials[0].name,))).summary
     return FitRecord(
@@ -46,8 +47,10 @@ def fit_record(fit: SessionFit, session: Session, paper: JointCompliance | None 
         warnings=fit.warnings,
         parameters=_parameters(fit),
         windows=_windows(fit),
-        variability=np.asarray(made.variability.amplitude),
-        inflation=float(made.variability.inflation),
+        variability=np.full((2, count), np.nan) if repeated is None else np.asarray(repeated.amplitude),
+        inflation=1.0 if repeated is None else float(repeated.inflation),
+        planned_movement=np.full((3, count), np.nan) if alone is None else np.stack(alone[:3]),
+        planned_inflation=1.0 if alone is None else float(alone.inflation),
         paper=paper,
         options=json.dumps(dataclasses.asdict(fit.options)),
         provenance=_provenance(fit, session),
@@ -121,7 +124,8 @@ def _windows(fit: SessionFit) -> FitWindows:
         motion, count = made.motions[window.trial], len(window.samples)
         time[number, :count] = np.asarray(motion.recording.time)[window.samples]
         angle[number, :count] = motion.angle[window.samples]
-        repetition[number, :count] = np.mean([item.angle for item in window.repetitions], axis=0)
+        expected = [item.angle for item in window.repetitions] or [np.tile(angle[number, :1], (count, 1))]
+        repetition[number, :count] = np.mean(expected, axis=0)
         torque[number, :count] = motion.torque[window.samples]
         residual[number, :count] = data[number, :count]
         onset.append(float(np.asarray(motion.recording.events.onset)[window.event]))
@@ -150,7 +154,8 @@ def _provenance(fit: SessionFit, session: Session) -> str:
     first = session.trials()[0].provenance
     return json.dumps(
         {
-            "estimator": "dynamic response after contact against catch trials, Levenberg-Marquardt, Laplace intervals",
+            "estimator": "dynamic response after contact against catch trials (without them against movement "
+            "foretold from before contact), Levenberg-Marquardt, Laplace intervals",
             "caution": "intervals hold if the model holds: constant compliance, linear damping, masses and offsets "
             "within their priors, repetitions that vary as the catch trials do",
             "session": session.name,

@@ -32,7 +32,7 @@ GRID = 0.004
 class PlannedMovement(NamedTuple):
     """Planned movement of each joint as a process of twice differentiable paths (`matern`).
 
-    - `reach` s [dof]: its standard deviation over the `pace` of the movement, so that fast movements may change by more.
+    - `reach` s [dof]: its standard deviation over the `pace` of the movement, so that fast movements may change more.
     - `length` s [dof] of the process, `tremor` rad [dof] of what is faster (length `FAST`).
     - `inflation` multiplies the covariance so that free movement foretold from what precedes it misses as much as it
       says.
@@ -84,7 +84,9 @@ class PlannedMovement(NamedTuple):
         return s, found
 
 
-def pace(s: Float[np.ndarray, " sample"], angle: Float[np.ndarray, "*rows sample dof"]) -> Float[np.ndarray, "*rows dof"]:
+def pace(
+    s: Float[np.ndarray, " sample"], angle: Float[np.ndarray, "*rows sample dof"]
+) -> Float[np.ndarray, "*rows dof"]:
     """Root mean square of the angular velocity at s <= 0, rad/s, at least `STILL`."""
     before = angle[..., s <= 0.0, :]
     rate = np.gradient(before, s[s <= 0.0], axis=-2)

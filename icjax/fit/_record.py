@@ -30,7 +30,7 @@ class FitWindows(eqx.Module):
         "window", "sample", "joint", unit="rad or m", doc="as measured"
     )
     repetition: Float[Real, "window sample joint"] = labelled(
-        "window", "sample", "joint", unit="rad or m", doc="mean of the catch trials laid over it"
+        "window", "sample", "joint", unit="rad or m", doc="mean of the catch trials; without, the first angle"
     )
     deviation: Float[Real, "window sample joint"] = labelled(
         "window", "sample", "joint", unit="rad or m", doc="from the contact-free movement, as predicted by the fit"
@@ -118,6 +118,10 @@ class FitRecord(eqx.Module):
         "process", "joint", unit="rad or m", doc="of a repetition about the intended movement: fast, slow"
     )
     inflation: float = static()  # of that variance
+    planned_movement: Float[Real, "process joint"] = labelled(
+        "quantity", "joint", unit="s, s, rad", doc="of what trials without catch trials planned: reach, length, tremor"
+    )
+    planned_inflation: float = static()  # of that variance
     paper: JointCompliance
     options: str = static()  # JSON text
     provenance: str = static()  # JSON text

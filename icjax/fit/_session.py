@@ -76,7 +76,7 @@ def session_problem(session: Session, options: FitOptions | None = None) -> Sess
         raise ValueError(f"session {session.name!r}: the contact torque never varies ({moved:.1e} Nm)")
     groups, segments = segment_groups(model, dofs)
     expected = expectation(windows, motions, options)
-    measurement = measured(session.name, windows, motions, groups, expected, options)
+    measurement = measured(windows, motions, groups, expected, options)
     names = tuple(model.dof_names[dof] for dof in dofs)
     parameters = _parameters(model, dofs, segments, next(iter(motions.values())).offset_names, options)
     if measurement.systematic is not None:

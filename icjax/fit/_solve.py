@@ -15,8 +15,13 @@ import optimistix as optx
 
 from icjax.fit._bounded import bounded
 from icjax.fit._problem import Problem
+from icjax.inference import jacobian
 from icjax.results import RESULTS, Solution
 from icjax.typing import Float, Real
+
+RESOLVED, STILL = 1e-12, 3
+"""Relative decrease of the cost that double precision still tells from none, and steps in a row without it after which
+Levenberg-Marquardt looks how far the minimum is: steps are accepted and refused by chance there."""
 
 Solver = Literal["levenberg_marquardt", "bfgs", "lbfgsb"]
 
@@ -61,7 +66,8 @@ def solve(
     - `solver`: "levenberg_marquardt" (optimistix; uses that the cost is a sum of squares), "bfgs" (optimistix; needs
       only gradients), "lbfgsb" (jaxopt; within the bounds that `Logistic` transforms do not cover: x within 20 of the
       start).
-    - `tolerance`: relative, of x and of the cost. `max_steps`: of every stage.
+    - `tolerance`: relative, of x and of the cost; Levenberg-Marquardt also ends where the cost no longer falls and the
+      minimum is within sqrt(tolerance) standard deviations. `max_steps`: of every stage.
     - `progress`: told a `Progress` after every step. `cancelled`: asked before each; the best x so far is returned
       with the result `not_converged`.
     - `checkpoint`: file, complete or not at all, that holds stage and x after every step; a later call goes on from
@@ -158,7 +164,7 @@ def _stepwise(problem, x, solver, tolerance, max_steps, told, cancelled):
     least = solver == "levenberg_marquardt"
     method: Any = (optx.LevenbergMarquardt if least else optx.BFGS)(tolerance, tolerance)
     function = _residual_of if least else _cost_of
-    state = _begin(method, function, x, problem)
+    state, last, still = _begin(method, function, x, problem), np.inf, 0
     for step in range(1, max_steps + 1):
         if cancelled():
             return x, False, step - 1
@@ -166,7 +172,26 @@ def _stepwise(problem, x, solver, tolerance, max_steps, told, cancelled):
         told(x, float(cost), step)
         if bool(done):
             return x, bool(well), step
+        still = still + 1 if last - float(cost) <= RESOLVED * float(cost) else 0
+        last = float(cost)
+        if least and still % STILL == STILL - 1 and _distance(problem, x) < tolerance**0.5:
+            return x, True, step
     return x, False, max_steps
+
+
+def _distance(problem: Problem, x: jax.Array) -> float:
+    """Length of the Gauss-Newton step to the minimum in standard deviations, |P r| with P the projection on J."""
+    r, data, prior = linearised(problem, x)
+    J = np.concatenate([np.asarray(data), np.asarray(prior)])
+    norm = np.linalg.norm(J, axis=0)
+    Q, _ = np.linalg.qr(J / np.where(norm > 0, norm, 1.0))
+    return float(np.linalg.norm(Q.T @ np.asarray(r)))
+
+
+@eqx.filter_jit
+def linearised(problem: Problem, x: Float[Real, " n"]) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Residual with priors, and the Jacobians of data and of priors."""
+    return problem.residual(x), jacobian(problem.data, x), jacobian(problem.parameters.prior, x)
 
 
 def _residual_of(x, problem):

@@ -18,6 +18,9 @@ from icjax.recording import Recording
 from icjax.running import on_full_blocks
 from icjax.typing import Float, Real
 
+BLOCK = 512
+"""Frames with contact that one compiled call takes."""
+
 INERTIA_EVERY = 0.024
 """s between the frames at which inertia is computed; posture changes little in that time, between them it is linear."""
 
@@ -207,7 +210,7 @@ def _torque_by_offset(recording: Recording) -> Float[np.ndarray, "time dof offse
     if on.size:
         rows = (recording.q, recording.contact_force, recording.contact_point, recording.contact_moment)
         arrays = [np.nan_to_num(np.asarray(row)[on]) for row in rows] + [np.asarray(recording.touching)[on]]
-        result[on] = np.asarray(_all_by_offset(recording.model, bodies, *arrays))
+        result[on] = np.asarray(on_full_blocks(partial(_all_by_offset, recording.model, bodies), *arrays, block=BLOCK))
     return result
 
 
@@ -217,7 +220,7 @@ def _all_by_offset(model, bodies, *rows):
         D, _, P = torque_derivatives(model, bodies, *row)
         return jnp.concatenate([D, P.reshape(P.shape[0], -1)], axis=1)
 
-    return jax.lax.map(at, rows, batch_size=1024)
+    return jax.lax.map(at, rows, batch_size=BLOCK)
 
 
 def _coordinates(model: Model, dofs: tuple[int, ...]) -> list[int]:

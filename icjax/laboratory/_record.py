@@ -44,6 +44,7 @@ def record(
     contacts: int = 3,
     hand_length: float = 0.190,
     compliance: tuple[float, float, float, float] = (0.25, 0.70, 0.45, 1.10),
+    damping_time: float = 0.018,
     friction: float = 0.6,
     catch: int = 1,
     bump: Bump | None = None,
@@ -62,7 +63,8 @@ def record(
 
     - `seed`: of everything random.
     - `trials`, `contacts`: recordings and contacts in each, taps and strokes in turn.
-    - `hand_length`: m. `compliance`: of wrist, MP, PIP and DIP, rad/Nm. `friction`: Coulomb coefficient.
+    - `hand_length`: m. `compliance`: of wrist, MP, PIP and DIP, rad/Nm. `damping_time`: s, a joint's
+      damping over its stiffness. `friction`: Coulomb coefficient.
     - `catch`: catch trials for each trial.
     - `bump`: on the plate; `height`: of the plate's top, m.
     - `noise`: of instruments and subject; the default is a good studio.
@@ -80,7 +82,7 @@ def record(
         if not (low <= value <= high):
             raise ValueError(f"{name} must be between {low} and {high}, got {value}")
     noise = Noise() if noise is None else noise
-    subject = Subject(hand_length=hand_length, compliance=compliance)
+    subject = Subject(hand_length=hand_length, compliance=compliance, damping_time=damping_time)
     surface = Surface(friction=friction, height=height, bump=bump)
     lowered = dataclasses.replace(surface, lowered=CATCH_LOWERED)
     placed = place(subject.markers(), noise, np.random.default_rng([seed, 0]))

@@ -42,7 +42,7 @@ def _fit(number: int, fit: FitRecord, truth: Mapping[str, float], named: bool) -
     body = f"<h3>{text(fit.name)}</h3>" if named else ""
     body += paragraph(
         f"{_count(len(fit.windows.trial), 'contact')} of {_count(len(fit.trials), 'trial')} were fitted together "
-        f"against {_count(fit.catch_trials, 'catch trial')}, the same movement with the surface taken away: what a "
+        f"against {_expected(fit)}: what a "
         "finger with this compliance, damping and mass would do after each contact, held against what it did. Inertia, "
         "damping and planned movement are part of the model, which the paper's estimator leaves out."
     )
@@ -66,7 +66,8 @@ def _fit(number: int, fit: FitRecord, truth: Mapping[str, float], named: bool) -
         view.svg(view.plot_fit_response(fit, shown), f"fit-{number}-response", "deviation after contact"),
         "Deviation from the movement without contact, measured and predicted, at the contacts with the strongest, "
         "the middle and the weakest torque of each joint (trial, time and largest torque above). Measured is the "
-        "trial less the mean of its catch trials, less their drift as the movement before contact foretells it. "
+        "trial less what was expected (the mean of its catch trials with their drift, or the movement as it was before "
+        "contact), as foretold from the movement before contact. "
         "Band: what 95 % of repetitions would leave open. Shaded: contact.",
     )
     body += figure(
@@ -141,20 +142,17 @@ def _assumed(fit: FitRecord) -> str:
     body = "<h3>What was assumed</h3>" + paragraph(
         "Compliance and damping are constant through a session and the same in every contact; each joint has its own. "
         "Masses, offsets of the joint angles, the place, gain and delay of the force sensor are uncertain within their "
-        "priors. A trial departs from what was intended as its catch trials depart from each other. Intervals hold if "
-        "all that holds."
+        "priors. "
+        + (
+            "A trial departs from what was intended as its catch trials depart from each other. "
+            if fit.catch_trials
+            else ""
+        )
+        + "Intervals hold if all that holds."
     )
     options = json.loads(fit.options)
     body += pairs([(name.replace("_", " "), OPTIONS.get(name, "{}").format(value)) for name, value in options.items()])
-    fast, slow = (np.degrees(np.asarray(row)) for row in np.asarray(fit.variability))
-    spread = [
-        f"{joint} {a:.2g}° and {b:.2g}°" if kind != "slide" else joint
-        for joint, kind, a, b in zip(fit.joint_names, fit.joint_kinds, fast, slow, strict=True)
-    ]
-    body += paragraph(
-        f"Repetitions scatter about what was intended by (tremor and slow wandering): {', '.join(spread)}."
-        + (f" That variance was multiplied by {fit.inflation:.2f}." if fit.inflation > 1.0 else "")
-    )
+    body += "".join(paragraph(line) for line in _processes(fit))
     parameters = fit.parameters
     lines = [f"{'':28s}{'beforehand':>12s}{'fit':>12s}{'95 % interval':>26s}{'learned':>9s}  unit"]
     for row, name in enumerate(parameters.parameter_names):
@@ -164,6 +162,35 @@ def _assumed(fit: FitRecord) -> str:
             f"{parameters.learned[row]:>9.0%}  {parameters.units[row]}"
         )
     return body + folded("Every number that was fitted", "\n".join(lines))
+
+
+def _expected(fit: FitRecord) -> str:
+    if fit.catch_trials:
+        return f"{_count(fit.catch_trials, 'catch trial')}, the same movement with the surface taken away"
+    return "the movement before contact, continued as free movement of these trials goes on (there are no catch trials)"
+
+
+def _processes(fit: FitRecord) -> list[str]:
+    """How repetitions scatter, and how free movement goes on; each only where it was used."""
+    lines = []
+    joints = list(zip(fit.joint_names, fit.joint_kinds, strict=True))
+    if np.isfinite(np.asarray(fit.variability)).any():
+        fast, slow = np.degrees(np.asarray(fit.variability))
+        spread = [f"{joint} {a:.2g}° and {b:.2g}°" if kind != "slide" else joint
+                  for (joint, kind), a, b in zip(joints, fast, slow, strict=True)]  # fmt: skip
+        lines.append(f"Repetitions scatter about what was intended by (tremor and slow wandering): {', '.join(spread)}."
+                     + _multiplied(fit.inflation))  # fmt: skip
+    if np.isfinite(np.asarray(fit.planned_movement)).any():
+        reach, length, _ = np.asarray(fit.planned_movement)
+        spread = [f"{joint} {a:.2g} s, {b:.2g} s" for (joint, _), a, b in zip(joints, reach, length, strict=True)]
+        lines.append("Planned movement changes by so many seconds of its own pace (root mean square), within a time "
+                     f"of: {', '.join(spread)}. All contacts together may do so once more in the same way."
+                     + _multiplied(fit.planned_inflation))  # fmt: skip
+    return lines
+
+
+def _multiplied(inflation: float) -> str:
+    return f" That variance was multiplied by {inflation:.2f}." if inflation > 1.0 else ""
 
 
 def _count(number: int, noun: str) -> str:

@@ -107,7 +107,8 @@ def plot_fit_response(fit: FitRecord, joints: Sequence[str] | None = None) -> "F
     """Deviation from the contact-free movement as measured and as the fit predicts it, a row a joint.
 
     Measured is the trial less the mean of its repetitions and less the drift between them that the movement before
-    contact foretells; the band is what 95 % of repetitions would leave open. In each row the contacts with the
+    contact foretells (without repetitions: less the movement that it foretells); the band is what 95 % of movements
+    would leave open. In each row the contacts with the
     strongest, the middle and the weakest torque.
 
     **Errors**: `ValueError` for an unknown joint.
@@ -143,7 +144,8 @@ def plot_fit_reference(fit: FitRecord, joints: Sequence[str] | None = None) -> "
         )
         spread = np.where(np.isfinite(spread), spread, np.nan)
         axis.fill_between(course.time, reference - spread, reference + spread, color=REFERENCE, alpha=0.25, lw=0)
-        axis.plot(course.time, repetition, color=QUIET, lw=1.0, label="mean of the catch trials")
+        if windows.repetitions[course.used[0]]:
+            axis.plot(course.time, repetition, color=QUIET, lw=1.0, label="mean of the catch trials")
         axis.plot(course.time, reference, color=REFERENCE, ls=(0, (4, 2)), label="reference")
         axis.plot(course.time, measured, color=MEASURED, label="measured")
     _finish(figure, panels)
