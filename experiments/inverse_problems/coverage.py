@@ -33,6 +33,7 @@ from icjax.recording import Session
 
 JOINTS = ("wrist", "MP", "PIP", "DIP")
 TYPICAL = 0.5
+TRIES = 100
 LEVELS = (0.5, 0.68, 0.8, 0.9, 0.95, 0.99)
 
 
@@ -93,7 +94,7 @@ def one(task: tuple[Config, int]) -> dict[str, Any]:
     jax.config.update("jax_enable_x64", True)
     generator = np.random.default_rng([seed, 7])
     with tempfile.TemporaryDirectory() as folder:
-        for drawn in range(100):
+        for _ in range(TRIES):
             C = TYPICAL * np.exp(np.log(config.factor) * generator.uniform(-1.0, 1.0, 4))
             damping = 0.03 * float(np.exp(np.log(config.damping_factor) * generator.uniform(-1.0, 1.0)))
             try:
@@ -112,13 +113,12 @@ def one(task: tuple[Config, int]) -> dict[str, Any]:
                 continue
             break
         else:
-            raise RuntimeError(f"seed {seed}: no subject of {drawn + 1} reaches the plate")
+            raise RuntimeError(f"seed {seed}: no subject of {TRIES} reaches the plate")
         session = capture(read_session(paths.session))
     session = told_other_masses(session, config.mass_sd, generator)
     alone = dataclasses.replace(session, recordings=session.trials())
     return {
         "seed": seed,
-        "drawn": drawn + 1,
         "truth": C.tolist(),
         "damping time": damping,
         "with catch trials": fitted(session),

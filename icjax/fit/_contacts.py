@@ -91,8 +91,10 @@ def measured(
     first = motions[windows[0].trial]
     rate = first.recording.rate
     dofs = len(expected.noise)
-    length = max(w.last - w.first + 1 for w in windows)
-    count = max(len(w.samples) for w in windows)
+    # At least as long as a whole window, so that sessions share a compiled program.
+    full = round((options.before + options.after) * rate) + 1
+    length = max(full, *(w.last - w.first + 1 for w in windows))
+    count = max(-(-full // _stride(options, rate)), *(len(w.samples) for w in windows))
     rows: dict[str, list[np.ndarray]] = {key: [] for key in ("torque", "rate", "by", "frames", "y", "W", "systematic")}
     inertia: list[list[np.ndarray]] = [[], [], []]
     movements = {name: smoothed(motions[name]) for name in dict.fromkeys(w.trial for w in windows)}
@@ -109,9 +111,9 @@ def measured(
         y, K = _against_expected(motion, window, expected, options)
         used = np.zeros((count, dofs), bool)
         used[: len(window.samples)] = True
-        full = np.eye(count * dofs)
-        full[: y.size, : y.size] = K
-        rows["W"].append(whitener(full, used.ravel()))
+        padded = np.eye(count * dofs)
+        padded[: y.size, : y.size] = K
+        rows["W"].append(whitener(padded, used.ravel()))
         rows["y"].append(_filled(y, count))
         rows["frames"].append(_filled(window.samples - window.first, count))
         if modes is not None:

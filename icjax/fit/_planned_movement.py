@@ -22,8 +22,8 @@ STILL = 0.05
 ANYWHERE = 1.0
 """rad; standard deviation of where a movement begins."""
 
-LEAST_SHARE = 1e-3
-"""Of the largest mode's standard deviation, below which a mode of the systematic part is left out."""
+MODES = 6
+"""Of the systematic part of each joint; the sixth has a hundredth of the first one's standard deviation or less."""
 
 GRID = 0.004
 """s between the times at which these modes are computed."""
@@ -77,9 +77,8 @@ class PlannedMovement(NamedTuple):
             left = K[np.ix_(~known, ~known)] - gain @ K[np.ix_(known, ~known)]
             values, vectors = np.linalg.eigh(0.5 * (left + left.T))
             values, vectors = values[::-1], vectors[:, ::-1]
-            kept = values > LEAST_SHARE**2 * values[0]
-            columns = np.zeros((len(s), int(np.sum(kept))))
-            columns[~known] = vectors[:, kept] * np.sqrt(values[kept])
+            columns = np.zeros((len(s), MODES))
+            columns[~known] = vectors[:, :MODES] * np.sqrt(np.maximum(values[:MODES], 0.0))
             found.append(columns)
         return s, found
 

@@ -41,8 +41,6 @@ def test_bad_sessions(session):
     )
     with pytest.raises(ValueError, match="no contact forces"):
         session_problem(dataclasses.replace(session, recordings=(dumb,)))
-    with pytest.raises(ValueError, match="no catch trial"):
-        session_problem(dataclasses.replace(session, recordings=session.trials()))
     slower = dataclasses.replace(catches[0], time=np.asarray(catches[0].time) * 2.0)
     with pytest.raises(ValueError, match="frames a second"):
         session_problem(dataclasses.replace(session, recordings=(first, slower)))

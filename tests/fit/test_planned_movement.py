@@ -1,0 +1,114 @@
+"""Free movement as a process: what is learnt of it, and what it leaves open after contact."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from icjax.fit import check_fit, fit_record, fit_session
+from icjax.fit._planned_movement import GRID, STILL, PlannedMovement, learn_movement, pace
+from icjax.fit._variability import FAST, matern
+
+S = np.arange(-31, 13) * 0.008
+NOISE = np.diag([1e-8, 4e-8])
+WHITE = np.eye(len(S))
+TRUTH = PlannedMovement(np.array([0.3, 0.1]), np.array([0.25, 0.4]), np.radians([0.03, 0.06]), 1.0)
+
+
+def stretches(count, generator):
+    """Drawn from the process at known paces, which then are those of the drawn movement only roughly."""
+    found = []
+    for _ in range(count):
+        speed = generator.uniform(0.3, 1.5, 2)
+        K = TRUTH.covariance(S, speed, NOISE, WHITE).reshape(2 * len(S), -1)
+        found.append((np.linalg.cholesky(K) @ generator.standard_normal(2 * len(S))).reshape(len(S), 2))
+    return found
+
+
+def test_length_and_calibration_are_learnt():
+    """Foretold from what precedes it, movement that was not learnt from misses as much as is said."""
+    generator = np.random.default_rng(3)
+    found = learn_movement(S, stretches(120, generator), NOISE, WHITE)
+    np.testing.assert_allclose(found.length, TRUTH.length, rtol=0.35)
+    squares = []
+    for angle in stretches(120, generator):
+        K = found.covariance(S, pace(S, angle), NOISE, WHITE).reshape(2 * len(S), -1)
+        white = np.linalg.solve(np.linalg.cholesky(K), (angle - angle[:1]).ravel())
+        squares.append(np.mean(white.reshape(angle.shape)[S > 0.0] ** 2))
+    assert np.mean(squares) == pytest.approx(1.0, abs=0.15)
+
+
+def test_movement_rougher_than_said_inflates():
+    """Jumps after s = 0 that nothing before foretells raise the inflation."""
+    generator = np.random.default_rng(4)
+    smooth = stretches(40, generator)
+    jumps = [angle + np.where(S[:, None] > 0.05, generator.choice([-0.3, 0.3]), 0.0) for angle in smooth]
+    assert learn_movement(S, smooth, NOISE, WHITE).inflation < 1.3
+    assert learn_movement(S, jumps, NOISE, WHITE).inflation > 1.5
+
+
+def test_modes_are_the_conditional_covariance():
+    """Of a noiseless process given all before contact; nothing before it."""
+    at, modes = TRUTH.modes(0.25, 0.1)
+    before = at <= 0.0
+    for joint, part in enumerate(modes):
+        assert not part[before].any()
+        K = TRUTH.reach[joint] ** 2 * matern(at[:, None] - at[None, :], TRUTH.length[joint])
+        K += 1e-10 * TRUTH.reach[joint] ** 2 * np.eye(len(at))
+        schur = K[np.ix_(~before, ~before)] - K[np.ix_(~before, before)] @ np.linalg.solve(
+            K[np.ix_(before, before)], K[np.ix_(before, ~before)]
+        )
+        found = part[~before] @ part[~before].T
+        np.testing.assert_allclose(found, schur, atol=2e-3 * schur.max())
+        np.testing.assert_array_less(np.linalg.norm(part[:, -1]), 0.01 * np.linalg.norm(part[:, 0]))
+        assert part[-1, 0] != 0.0
+    assert at[1] - at[0] == pytest.approx(GRID)
+
+
+def test_pace():
+    """Root mean square of the velocity before contact, and a floor for what rests."""
+    ramp = np.stack([0.7 * S, 0.0 * S], axis=1) + np.where(S[:, None] > 0, 5.0, 0.0)
+    np.testing.assert_allclose(pace(S, ramp), [np.hypot(0.7, STILL), STILL])
+    assert S[1] - S[0] < FAST
+
+
+def test_too_little_free_movement():
+    with pytest.raises(ValueError, match=r"2 stretches of 0.34 s without contact"):
+        learn_movement(S, [np.zeros((len(S), 2))] * 2, NOISE, WHITE)
+
+
+@pytest.mark.slow
+def test_without_catch_trials(session, fit):
+    """Wider intervals that hold the truth, and everybody is told what is missing."""
+    alone = dataclasses.replace(session, recordings=session.trials())
+    found = fit_session(alone)
+    for joint, other, truth in zip(found.joints, fit.joints, (0.25, 0.70, 0.45, 1.10), strict=True):
+        assert joint.lower <= truth <= joint.upper
+        assert joint.width > 1.3 * other.width or joint.width > 10.0
+        if joint.refused:
+            assert "catch trials" in joint.refused
+    assert "catch trials are what is missing" in found.warnings[0]
+    assert not any("catch" in text for text in fit.warnings)
+    record = fit_record(found, alone)
+    assert record.catch_trials == 0
+    assert np.isnan(record.variability).all()
+    assert np.isfinite(record.planned_movement).all()
+    assert not [line for line in check_fit(record) if line.startswith("error")]
+    # what was planned and what contact did add up to what was measured, but for noise
+    left = record.windows.angle - record.windows.repetition - record.windows.drift
+    early = np.nan_to_num(record.windows.time - record.windows.onset[:, None], nan=1.0) < -0.05
+    np.testing.assert_allclose(left[early], record.windows.deviation[early], atol=1e-9)
+
+
+@pytest.mark.slow
+def test_mixed_session(session):
+    """A trial that lost its catch trials stays, beside one that has them."""
+    first = session.trials()[0]
+    kept = tuple(item for item in session.recordings if item.catch_of != first.name)
+    found = fit_session(dataclasses.replace(session, recordings=kept))
+    counts = {window.trial: len(window.repetitions) for window in found.made.windows}
+    assert counts[first.name] == 0
+    assert sorted(counts.values())[1] == 2
+    shared = np.asarray(found.made.problem.measurements[0].systematic)
+    moved = [np.abs(item).max() > 0 for item in shared]
+    assert moved == [not window.repetitions for window in found.made.windows]
