@@ -118,7 +118,7 @@ class FitRecord(eqx.Module):
         "process", "joint", unit="rad or m", doc="of a repetition about the intended movement: fast, slow"
     )
     inflation: float = static()  # of that variance
-    planned_movement: Float[Real, "process joint"] = labelled(
+    planned_movement: Float[Real, "quantity joint"] = labelled(
         "quantity", "joint", unit="s, s, rad", doc="of what trials without catch trials planned: reach, length, tremor"
     )
     planned_inflation: float = static()  # of that variance
