@@ -62,6 +62,8 @@ def fitted(count, paper=None):
 
 
 two = fitted(2)
+
+# %%
 paper = two.paper  # the paper's estimate needs no catch trials: it is the same for all
 fits = {"two catch trials": two, "one": fitted(1, paper), "none": fitted(0, paper)}
 
@@ -112,6 +114,7 @@ axis.set(xscale="log", xlim=(0.04, 8), yticks=-np.arange(4), yticklabels=truth, 
 axis.set_xticks([0.05, 0.1, 0.2, 0.5, 1, 2, 5])
 axis.xaxis.set_major_formatter("{x:g}")
 _ = figure.legend(loc="outside upper center", ncols=5, frameon=False)
+
 # %% [markdown]
 # Bars are 95 % intervals; a bar without a dot is a refused joint. What this session shows:
 #
@@ -121,11 +124,12 @@ _ = figure.legend(loc="outside upper center", ncols=5, frameon=False)
 #   bounds, even the wrist, which one catch trial tells within a third.
 # - DIP is refused however many there are. These contacts hardly load it; other contacts would help
 #   ([](design_an_experiment.py)).
-# - The paper's estimator needs no catch trials. Its numbers are off by the factors printed above, down to a seventh of
-#   the truth at DIP. Its intervals state how its contacts scatter and nothing of that bias; here they are wide enough
-#   to hold the truth all the same, MP's just so.
+# - The paper's estimator needs no catch trials. Its numbers are off by the factors printed above: right at PIP, a
+#   seventh of the truth at DIP. Its intervals state how its contacts scatter and nothing of that bias; here they are
+#   wide enough to hold the truth all the same, MP's just so.
 #
-# One session with four joints says nothing about how often 95 % intervals miss; [](../accuracy.md) has more of them.
+# No interval misses here. One session says little about how often they do; `experiments/inverse_problems/coverage.py`
+# counts it over many.
 #
 # ## Why
 #
@@ -155,6 +159,7 @@ for i, (axis, joint) in enumerate(zip(axes, truth, strict=True)):
 axes[0].set_ylabel("degrees")
 handles, labels = axes[0].get_legend_handles_labels()
 _ = figure.legend(handles, labels, loc="outside upper center", ncols=4, frameon=False)
+
 # %%
 print("without contact the joint would be, 0.1 s later, within (degrees, 95 %, median over contacts)")
 for name, fit in fits.items():

@@ -88,6 +88,7 @@ axis.set_xticks(range(4), joints)
 axis.xaxis.tick_top()
 axis.set_yticks(range(len(order)), [probes[item].name for item in order])
 _ = figure.supxlabel("interval after 12 contacts, largest over smallest value; bold: no number", fontsize=9)
+
 # %% [markdown]
 # Probes are sorted by their worst joint. Bold means that the interval would span more than a factor of four: the fit
 # would refuse the joint. Look along a row for what a contact tells, and down a column for what a joint needs.

@@ -105,6 +105,7 @@ for axis, joint in zip(axes, ("wrist", "MP"), strict=True):
 axes[1].set(xlabel="time (s); shaded: contact")
 handles, labels = axes[0].get_legend_handles_labels()
 _ = figure.legend(handles[1:], labels[1:], loc="outside upper right", ncols=2, frameon=False)
+
 # %% [markdown]
 # They start a little earlier or later, and drift; the fit lays each over its trial by the movement before every
 # contact.
