@@ -99,7 +99,7 @@ print(
 
 # %%
 figure, axis = plt.subplots(figsize=(7.4, 3.6), layout="constrained")
-colours = {"two catch trials": "#0072B2", "one": "#8CC8EE", "none": "#E8A37C"}
+colours = {"two catch trials": "#3F8FC4", "one": "#9CD0F0", "none": "#E8A37C"}
 for i, joint in enumerate(truth):
     for place, (name, fit) in zip((0.27, 0.09, -0.09), fits.items(), strict=True):
         label = name if i == 0 else None
