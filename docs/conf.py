@@ -2,9 +2,14 @@
 
 import importlib
 import os
+import tempfile
 
 os.environ.setdefault("JAX_ENABLE_X64", "1")
 os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=1")
+
+# Guides that show the same session record it once a build, in a folder that goes with it.
+_recordings = tempfile.TemporaryDirectory(prefix="icjax_guides_")
+os.environ.setdefault("ICJAX_GUIDES", _recordings.name)
 
 from docutils import nodes
 from sphinx.util.docutils import SphinxDirective

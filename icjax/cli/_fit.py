@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 if TYPE_CHECKING:
-    from icjax.fit import FitOptions, FitRecord
+    from icjax.fit import FitOptions
     from icjax.recording import Session
 
 OPTIONS = ("after", "before", "settle", "typical_compliance", "compliance_sd", "inertia_sd", "shift_sd", "widest")
@@ -50,7 +50,7 @@ class Fit:
     def run(self) -> None:
         from icjax.cli._output import Steps
         from icjax.estimation import estimates
-        from icjax.fit import FitOptions, fit_record, fit_session
+        from icjax.fit import FitOptions, fit_record, fit_session, fit_text
 
         options = FitOptions(**{name: getattr(self, name) for name in OPTIONS})
         session, folder = self._session()
@@ -98,49 +98,6 @@ class Fit:
             checkpoint.unlink(missing_ok=True)
         elif not checkpoint.is_file():
             print(f"note: {checkpoint} does not exist: the fit begins anew", file=sys.stderr)
-
-
-def fit_text(record: "FitRecord") -> str:
-    """Compliance of each joint beside the paper's, as a table of text, then refusals, warnings and what it rests on."""
-    import numpy as np
-
-    from icjax.fit import far_from_prior
-
-    units = sorted(set(record.units.values()), reverse=True)
-    name = max(12, *(len(joint) for joint in record.joint_names))
-    lines = [
-        f"{'joint':{name}s} {'fit ' + ', '.join(units):>14s}  {'95 % interval':>18s} {'learned':>8s}"
-        f"   {'the paper':>14s}  {'95 % interval':>18s}"
-    ]
-    paper = record.paper
-    for index, joint in enumerate(record.joint_names):
-        refused = record.refused[index]
-        told = "refused" if refused else f"{record.compliance[index]:.3g}"
-        cells = ("", "")
-        if joint in paper.joint_names:
-            row = paper.joint_names.index(joint)
-            value, lower, upper = (float(x[row]) for x in (paper.compliance, paper.lower, paper.upper))
-            cells = (f"{value:.3g}" if np.isfinite(value) else "not estimated", interval(lower, upper))
-        lines.append(
-            f"{joint:{name}s} {told:>14s}  {interval(float(record.lower[index]), float(record.upper[index])):>18s} "
-            f"{record.learned[index]:>8.0%}   {cells[0]:>14s}  {cells[1]:>18s}"
-        )
-    lines += [
-        f"{joint} refused: {reason}" for joint, reason in zip(record.joint_names, record.refused, strict=True) if reason
-    ]
-    lines.append(
-        f"{len(record.windows.trial)} contacts of {len(record.trials)} trials against {record.catch_trials or 'no'} "
-        f"catch trials; chi2 {record.chi2:.2f} (1 where noise and repetitions are as assumed)"
-    )
-    lines += [f"warning: {text}" for text in (*record.warnings, *far_from_prior(record))]
-    return "\n".join(lines)
-
-
-def interval(lower: float, upper: float) -> str:
-    """A 95 % interval as text, an upper bound where it begins at zero."""
-    if not upper < float("inf"):
-        return "unbounded"
-    return f"[{lower:.3g}, {upper:.3g}]" if lower > 0 else f"< {upper:.3g}"
 
 
 def file_name(name: str) -> str:

@@ -39,4 +39,5 @@ from icjax.fit._solve import multi_start as multi_start
 from icjax.fit._solve import solve as solve
 from icjax.fit._spline import spline_basis as spline_basis
 from icjax.fit._static import StaticEquilibrium as StaticEquilibrium
+from icjax.fit._text import fit_text as fit_text
 from icjax.fit._variability import Variability as Variability

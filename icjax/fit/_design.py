@@ -14,7 +14,7 @@ from icjax.fit._options import FitOptions
 from icjax.fit._parameters import Parameters
 from icjax.fit._planned import BLOCK, Plan, jacobians
 from icjax.fit._probe import Instruments, Probe, check_probe
-from icjax.fit._session import _parameters
+from icjax.fit._session import LEAST_EVENTS, _parameters
 from icjax.fit._variability import TYPICAL, Variability
 from icjax.fit._windows import POINT_SD, _coordinates, linear_inertia, segment_groups
 from icjax.inference import QUANTILE, jacobian, laplace
@@ -108,12 +108,13 @@ class Design:
         return chosen
 
     def contacts_needed(self, chosen: Sequence[int]) -> Float[np.ndarray, " joint"]:
-        """Contacts in all, shared evenly, until each joint has a number; infinite above `MOST_TIMES` contacts each."""
+        """Contacts in all, shared evenly, until each joint has a number: at least the three that `fit_session`
+        asks for, infinite above `MOST_TIMES` contacts each."""
         needed = np.full(len(self.joints), np.inf)
         for count in np.unique(np.round(np.geomspace(1, MOST_TIMES, 120))):
             refused = self.expected(chosen, count * len(chosen)).refused
             needed = np.where(~refused & np.isinf(needed), count * len(chosen), needed)
-        return needed
+        return np.maximum(needed, LEAST_EVENTS)
 
 
 def design(
@@ -141,7 +142,7 @@ def design(
     matters: a stiffer joint deflects less, so its interval is wider. A session needs at least three contacts.
 
     **Arguments**: `catch_trials` of every trial; `noise` of the instruments; `variability` of repetitions, of a pilot
-    session (`session_problem(...).variability`) or typical.
+    session (`session_problem(...).expected.variability`) or typical.
 
     **Errors**: `ValueError` for no probe, two of one name, a model without compliant joint, and those of `Probe`, of
     coordinates beyond the model's range, and of a contact that the model does not have.
@@ -192,7 +193,7 @@ def _check(model: Model, probes: tuple[Probe, ...], catch_trials: int, dofs: tup
         raise ValueError("probes: none given")
     if isinstance(catch_trials, bool) or not isinstance(catch_trials, int) or catch_trials < 1:
         raise ValueError(
-            f"catch_trials = {catch_trials}: must be a whole number of at least 1; without one nothing is fitted"
+            f"catch_trials = {catch_trials}: must be a whole number of at least 1; a session without is not planned"
         )
     names = [probe.name for probe in probes]
     for probe in probes:

@@ -52,6 +52,14 @@ class SessionFit(NamedTuple):
     warnings: tuple[str, ...]
     options: FitOptions = FitOptions()
 
+    def __repr__(self) -> str:
+        """Of the joints alone: the problem holds arrays of thousands of rows."""
+        told = (
+            f"{name} {'refused' if refused else f'{value:.3g}'} [{lower:.3g}, {upper:.3g}]"
+            for name, value, lower, upper, _, _, refused in self.joints
+        )
+        return f"SessionFit({', '.join(told)}; chi2 {self.chi2:.2f})"
+
 
 def fit_session(
     session: Session,

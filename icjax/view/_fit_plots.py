@@ -43,6 +43,8 @@ def plot_fit_compliance(fit: FitRecord, truth: Mapping[str, float] | None = None
 
     **Arguments**: `truth` rad/Nm by joint, drawn as a line where it is known (a virtual subject).
     """
+    from matplotlib.ticker import LogLocator, NullFormatter
+
     joints, paper = fit.joint_names, fit.paper
     figure = new_figure(7.6, 0.9 + 0.5 * len(joints))
     axis = figure.subplots()
@@ -64,7 +66,9 @@ def plot_fit_compliance(fit: FitRecord, truth: Mapping[str, float] | None = None
         if joint in paper.joint_names:
             _paper(axis, paper, paper.joint_names.index(joint), row - 0.14, least)
     axis.set_xlim(left=least)
+    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.xaxis.set_major_formatter("{x:g}")
+    axis.xaxis.set_minor_formatter(NullFormatter())
     axis.set_yticks(places, [joint_title(name, fit.units) for name in joints])
     axis.set_ylim(places[-1] - 0.5, 0.5)
     axis.grid(visible=False, axis="y")
@@ -108,8 +112,7 @@ def plot_fit_response(fit: FitRecord, joints: Sequence[str] | None = None) -> "F
 
     Measured is the trial less the mean of its repetitions and less the drift between them that the movement before
     contact foretells (without repetitions: less the movement that it foretells); the band is what 95 % of movements
-    would leave open. In each row the contacts with the
-    strongest, the middle and the weakest torque.
+    would leave open. In each row the contacts with the strongest, the middle and the weakest torque.
 
     **Errors**: `ValueError` for an unknown joint.
     """
@@ -120,7 +123,8 @@ def plot_fit_response(fit: FitRecord, joints: Sequence[str] | None = None) -> "F
         predicted, spread = (
             course.scale * item[course.used] for item in (windows.deviation, BAND * np.asarray(windows.drift_sd))
         )
-        axis.fill_between(course.time, predicted - spread, predicted + spread, color=STICKING, alpha=0.18, lw=0)
+        axis.fill_between(course.time, predicted - spread, predicted + spread, color=STICKING, alpha=0.18, lw=0,
+                          label="95 % of movements")  # fmt: skip
         axis.plot(course.time, predicted, color=STICKING, label="predicted by the fit")
         axis.plot(course.time, course.scale * measured[course.used], ".", color=MEASURED, ms=4, label="measured")
     _finish(figure, panels)

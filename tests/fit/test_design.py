@@ -74,8 +74,10 @@ def test_best_set_is_greedy_and_ordered(planned):
 
 
 def test_contacts_needed(planned):
-    """With so many there is a number, with many fewer there is none; it is the product of tried counts."""
+    """With so many there is a number, with many fewer there is none; fewer than three are never fitted."""
     needed = planned.contacts_needed([0])
+    assert needed[0] == 3
+    assert planned.contacts_needed([1]).min() == 3
     assert needed[2] > 12
     assert not planned.expected([0], needed[2]).refused[2]
     assert planned.expected([0], 0.8 * needed[2]).refused[2]

@@ -12,7 +12,7 @@ from view.example_fit import make_fit
 from icjax.cli import _fit as verb
 from icjax.cli import main
 from icjax.files import layout_problems
-from icjax.fit import FitOptions, FitRecord, check_fit, contact_free, far_from_prior, fit_record
+from icjax.fit import FitOptions, FitRecord, check_fit, contact_free, far_from_prior, fit_record, fit_text
 
 ROUNDING = 1e-12
 """rad; of a few additions of angles in double precision."""
@@ -119,7 +119,7 @@ def test_verb_is_interrupted_and_goes_on(session, recorded, tmp_path, capsys, mo
     found = FitRecord.load(path)
     np.testing.assert_allclose(found.compliance, recorded.compliance, rtol=1e-3)
     same(found.paper, recorded.paper)
-    assert verb.fit_text(found) in told
+    assert fit_text(found) in told
     assert main(["check", str(path)]) == 0
     bare = dataclasses.replace(session, recordings=session.trials())
     bare.save(tmp_path / "bare.nc")
@@ -161,12 +161,14 @@ def test_far_from_the_prior_is_told():
 
 
 def test_table_of_the_verb():
-    lines = verb.fit_text(make_fit()).splitlines()
+    lines = fit_text(make_fit()).splitlines()
     assert lines[1].split() == ["wrist", "0.25", "[0.227,", "0.276]", "99%", "0.18", "[0.1,", "0.26]"]
     assert "refused" in lines[2]
     assert "not estimated" in lines[2]
     assert lines[2].endswith("< 2")
     assert lines[3].startswith("MP refused: its interval spans a factor of 9.4")
+    assert lines[4].startswith("    ")
+    assert max(map(len, lines)) <= 110
     assert verb.file_name("a/b c") == "a_b_c"
 
 
