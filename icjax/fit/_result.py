@@ -128,7 +128,10 @@ def _loads(made: SessionProblem, deviation: np.ndarray) -> list[_Load]:
         rows.append([np.abs(motion.torque[frames]).max(axis=0), moved, doubt])
     torque, moved, doubt = np.median(rows, axis=0)
     repeated = all(window.repetitions for window in made.windows)
-    return [_Load(*map(float, item), len(rows), repeated) for item in zip(torque, moved, doubt, strict=True)]
+    return [
+        _Load(float(torque[joint]), float(moved[joint]), float(doubt[joint]), len(rows), repeated)
+        for joint in range(len(torque))
+    ]
 
 
 def _joint(name: str, x: float, sd: float, learned: float, load: _Load, options: FitOptions) -> JointFit:
@@ -154,7 +157,7 @@ def _refusal(width: float, sd: float, load: _Load, options: FitOptions) -> str:
     wanted = (2.0 * QUANTILE / np.log(options.widest)) ** 2 - options.compliance_sd**-2
     added = sd**-2 - options.compliance_sd**-2 if np.isfinite(sd) else 0.0
     if wanted < MOST_TIMES * added:
-        return told + f"about {int(np.ceil(load.contacts * wanted / added))} such contacts, or such as load it more"
+        return told + f"about {int(np.ceil(load.contacts * wanted / added))} such contacts in all, or such as load it more"
     return told + "contacts whose force passes farther from its axis, or another posture"
 
 

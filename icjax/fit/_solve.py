@@ -191,7 +191,7 @@ def _distance(problem: Problem, x: jax.Array) -> float:
 @eqx.filter_jit
 def linearised(problem: Problem, x: Float[Real, " n"]) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Residual with priors, and the Jacobians of data and of priors."""
-    return problem.residual(x), jacobian(problem.data, x), jacobian(problem.parameters.prior, x)
+    return jnp.asarray(problem.residual(x)), jacobian(problem.data, x), jacobian(problem.parameters.prior, x)
 
 
 def _residual_of(x, problem):
