@@ -177,7 +177,11 @@ def inertia_along(
 
 
 def contact_frames(motion: Motion, event: int, options: FitOptions) -> tuple[int, int, int]:
-    """First frame, frame of the onset and last frame of an event's window; an empty one where it is too short."""
+    """First frame, frame of the onset and last frame of an event's window.
+
+    It begins where nothing has touched for a while and ends with the event; what else touches meanwhile is part of the
+    torque, so that the fingers of a grasp share the window of the first.
+    """
     recording = motion.recording
     events, rate = recording.events, recording.rate
     onset, release = np.asarray(events.onset, float), np.asarray(events.release, float)
@@ -186,8 +190,8 @@ def contact_frames(motion: Motion, event: int, options: FitOptions) -> tuple[int
     earlier = others & (onset <= here)
     ended = np.where(np.isnan(release), np.inf, release)
     free_from = np.max(ended[earlier], initial=begin - options.settle) + options.settle
-    until = np.min(onset[others & (onset > here)], initial=np.inf)
-    until = min(until, ended[event], here + options.after, float(np.asarray(recording.time)[-1]))
+    until = min(ended[event], here + options.after, float(np.asarray(recording.time)[-1]))
+    free_from = min(free_from, here)  # where something else touches all the while: no free movement, nor a window
     first = int(np.ceil((max(here - options.before, free_from) - begin) * rate))
     last = int(np.floor((until - begin) * rate))
     return first, round((here - begin) * rate), last
