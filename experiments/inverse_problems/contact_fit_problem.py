@@ -127,7 +127,7 @@ def _last(recording: Recording) -> int:
 
 
 class Together(eqx.Module):
-    """Trials of one form as one measurement: compiled once, simulated side by side."""
+    """Trials of one form as one measurement: compiled once, simulated one after the other."""
 
     name: str = eqx.field(static=True)
     uses: tuple[str, ...] = eqx.field(static=True)
@@ -142,11 +142,11 @@ class Together(eqx.Module):
 
     def residual(self, values: Any) -> Any:
         """Those of all trials, one after the other."""
-        return eqx.filter_vmap(lambda trial: trial.residual(values))(self.trials).reshape(-1)
+        return jax.lax.map(lambda trial: trial.residual(values), self.trials).reshape(-1)
 
     def unsolved(self, values: Any) -> Any:
         """Steps of each trial that were not solved."""
-        return eqx.filter_vmap(lambda trial: trial.unsolved(values))(self.trials)
+        return jax.lax.map(lambda trial: trial.unsolved(values), self.trials)
 
 
 def coarse(scene: Scene) -> Scene:
@@ -158,6 +158,7 @@ def coarse(scene: Scene) -> Scene:
         frictions=scene.frictions,
         contacts=scene.contacts,
         step=STEP,
+        limits=0,  # the session's hand has none
     )
 
 
