@@ -34,6 +34,7 @@ from icjax.recording import Session
 JOINTS = ("wrist", "MP", "PIP", "DIP")
 TYPICAL = 0.5
 TRIES = 100
+DRAWN = ("trials", "contacts", "catch", "factor", "damping_factor", "mass_sd")
 LEVELS = (0.5, 0.68, 0.8, 0.9, 0.95, 0.99)
 
 
@@ -70,7 +71,7 @@ def main(config: Config) -> dict[str, Any]:
             file.flush()
             print(f"{number + 1} of {len(missing)}: seed {row['seed']}, {row['with catch trials']['told']}", flush=True)
     rows = sorted(read(path), key=lambda row: row["seed"])
-    stated = {key: value for key, value in dataclasses.asdict(config).items() if key not in ("out", "workers")}
+    stated = {key: value for key, value in dataclasses.asdict(config).items() if key in DRAWN}
     result = {"config": stated, "sessions": len(rows)}
     for kind in ("with catch trials", "without catch trials"):
         result[kind] = summary([row for row in rows if "joints" in row[kind]], kind)

@@ -157,7 +157,8 @@ def _refusal(width: float, sd: float, load: _Load, options: FitOptions) -> str:
     wanted = (2.0 * QUANTILE / np.log(options.widest)) ** 2 - options.compliance_sd**-2
     added = sd**-2 - options.compliance_sd**-2 if np.isfinite(sd) else 0.0
     if wanted < MOST_TIMES * added:
-        return told + f"about {int(np.ceil(load.contacts * wanted / added))} such contacts in all, or such as load it more"
+        count = int(np.ceil(load.contacts * wanted / added))
+        return told + f"about {count} such contacts in all, or such as load it more"
     return told + "contacts whose force passes farther from its axis, or another posture"
 
 
