@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from icjax.fit._dynamic import DynamicEquilibrium, whitener
+from icjax.fit._dynamic import Common, DynamicEquilibrium, whitener
 from icjax.fit._options import FitOptions
 from icjax.fit._planned_movement import PlannedMovement, free_stretches, learn_movement, pace
 from icjax.fit._repetitions import Repetition
@@ -77,7 +77,11 @@ def _learn_movement(motions: list[Motion], noise, options) -> PlannedMovement:
     margins = SMEAR, options.settle
     stretches = [item for motion in motions for item in free_stretches(motion, samples, stride, margins)]
     s = np.arange(-before, after + 1) * stride / rate
-    return learn_movement(s, stretches, noise, _correlation(motions[0], np.arange(samples) * stride))
+    try:
+        return learn_movement(s, stretches, noise, _correlation(motions[0], np.arange(samples) * stride))
+    except ValueError as error:
+        names = ", ".join(repr(motion.recording.name) for motion in motions)
+        raise ValueError(f"without a catch trial ({names}): {error}") from error
 
 
 def measured(
@@ -95,7 +99,7 @@ def measured(
     full = round((options.before + options.after) * rate) + 1
     length = max(full, *(w.last - w.first + 1 for w in windows))
     count = max(-(-full // _stride(options, rate)), *(len(w.samples) for w in windows))
-    rows: dict[str, list[np.ndarray]] = {key: [] for key in ("torque", "rate", "by", "frames", "y", "W", "systematic")}
+    rows: dict[str, list[np.ndarray]] = {key: [] for key in ("torque", "rate", "by", "frames", "y", "W", "common")}
     inertia: list[list[np.ndarray]] = [[], [], []]
     movements = {name: smoothed(motions[name]) for name in dict.fromkeys(w.trial for w in windows)}
     modes = None if expected.movement is None else expected.movement.modes(options.before, options.after)
@@ -119,14 +123,16 @@ def measured(
         if modes is not None:
             s = (window.samples - window.onset) / rate
             speeds = np.zeros(dofs) if window.repetitions else pace(s, motion.angle[window.samples])
-            rows["systematic"].append(_filled(_systematic(modes, s, speeds), count))
+            effect = _filled(_systematic(modes, s, speeds), count)
+            rows["common"].append(rows["W"][-1] @ effect.reshape(count * dofs, -1))
     stacked = {key: np.stack(items) for key, items in rows.items() if items}
+    common = Common.of(np.concatenate(rows["common"])) if modes else None
     offset = np.linalg.cholesky(first.offset + 1e-18 * np.eye(len(first.offset)))
     return DynamicEquilibrium(
         "contacts", 1.0 / rate, stacked["torque"], stacked["rate"], stacked["by"],
         (np.stack(inertia[0]), np.stack(inertia[1]), np.stack(inertia[2])),
         np.asarray(first.recording.model.armature)[list(first.dofs)], offset,
-        stacked["frames"].astype(int), stacked["y"], stacked["W"], stacked.get("systematic"),
+        stacked["frames"].astype(int), stacked["y"], stacked["W"], common,
     )  # fmt: skip
 
 

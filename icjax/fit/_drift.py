@@ -25,19 +25,22 @@ def drift(fit: SessionFit, residual: Float[np.ndarray, "window sample joint"]) -
 
     With K = L L^T the covariance of y = difference - e in the order of time and r = L^-1 y its `residual`, the rows
     after contact have the mean L21 r1 and the covariance L22 L22^T given those before. What contacts without
-    repetitions have in common ("planned") is part of the mean.
+    repetitions have in common (`Common`) is part of the mean.
     """
     measurement = fit.made.problem.measurements[0]
     shape = residual.shape
-    shared = np.zeros(shape)
-    if measurement.systematic is not None:
-        shared = np.asarray(measurement.systematic) @ np.asarray(fit.values["planned"])
+    common = np.zeros(shape)
+    if measurement.common is not None:
+        rows = measurement.common.plain(np.nan_to_num(residual).ravel())
+        common = measurement.common.expected(rows).reshape(shape)
+        residual = rows.reshape(shape) - common
     mean, sd = np.full(shape, np.nan), np.full(shape, np.nan)
     for number, window in enumerate(fit.made.windows):
         rate = fit.made.motions[window.trial].recording.rate
         count = len(window.samples)
         by_before, left = unexplained(np.asarray(measurement.whitening)[number], window, rate, shape[2])
-        rows = residual[number, :count].ravel()
-        mean[number, :count] = (by_before @ rows[: by_before.shape[1]]).reshape(count, -1) + shared[number, :count]
+        known = by_before.shape[1]
+        own, shared = residual[number, :count].ravel(), common[number, :count].ravel()
+        mean[number, :count] = (by_before @ (own + shared)[:known] + left @ shared).reshape(count, -1)
         sd[number, :count] = np.linalg.norm(left, axis=1).reshape(count, -1)
     return Drift(mean, sd)

@@ -10,8 +10,39 @@ import numpy as np
 from icjax.fit._parameters import Values
 from icjax.typing import Float, Int, Real
 
-USES = ("compliance", "damping time", "inertia", "offsets", "sensor gain", "sensor delay")
-"""Parameters of every dynamic equilibrium."""
+
+class Common(eqx.Module):
+    r"""What several rows of white noise have in common besides: r = n + A p, n and p of unit variance.
+
+    With A = U S V^T the rows U^T r have the variance 1 + s^2, so that I - U D U^T with D = 1 - (1 + s^2)^(-1/2) whitens
+    r. p is integrated out: what is known of everything else is the same as if p were fitted with it.
+
+    **Fields**: `basis` U [row, mode]; `share` D [mode], in [0, 1).
+    """
+
+    basis: Float[Real, "row mode"]
+    share: Float[Real, " mode"]
+
+    @staticmethod
+    def of(A: Float[np.ndarray, "row mode"]) -> "Common":
+        """**Arguments**: A, effect of p on the rows."""
+        U, s, _ = np.linalg.svd(A, full_matrices=False)
+        return Common(U, 1.0 - 1.0 / np.sqrt(1.0 + s**2))
+
+    def whitened(self, rows: Float[Real, " row"]) -> Float[Real, " row"]:
+        """(I - U D U^T) r."""
+        U = jnp.asarray(self.basis)
+        return rows - U @ (jnp.asarray(self.share) * (U.T @ rows))
+
+    def plain(self, rows: Float[np.ndarray, " row"]) -> Float[np.ndarray, " row"]:
+        """r of whitened rows."""
+        U, D = np.asarray(self.basis), np.asarray(self.share)
+        return rows + U @ (D / (1.0 - D) * (U.T @ rows))
+
+    def expected(self, rows: Float[np.ndarray, " row"]) -> Float[np.ndarray, " row"]:
+        """A p, its mean given r: U S^2 / (1 + S^2) U^T r."""
+        U, D = np.asarray(self.basis), np.asarray(self.share)
+        return U @ ((1.0 - (1.0 - D) ** 2) * (U.T @ rows))
 
 
 class DynamicEquilibrium(eqx.Module):
@@ -37,11 +68,10 @@ class DynamicEquilibrium(eqx.Module):
       `inertia` three arrays [event, frame, segment, dof, dof]; `armature` [dof].
     - `frames` [event, sample]: frames that are compared; `difference` rad [event, sample, dof]: trial less repetitions;
       `whitening` [event, n, n]: inverse of the Cholesky factor of its covariance, zero rows where nothing is compared.
-    - `systematic` rad [event, sample, dof, mode]: what the contacts without repetitions have in common, by "planned".
+    - `common` [row, mode] and `share` [mode] of the `Common` part of contacts without repetitions; None without any.
 
     **Uses** "compliance" (diagonal `[dof]` or full `[dof, dof]`), "damping time" `[dof]`, "inertia" `[segment]`,
-    "offsets" `[offset]` in units of its prior (`offset_factor` its Cholesky factor), "sensor gain" and "sensor delay";
-    with `systematic`, "planned" `[mode]` in units of its prior.
+    "offsets" `[offset]` in units of its prior (`offset_factor` its Cholesky factor), "sensor gain" and "sensor delay".
 
     Source: the deviation form of Kry and Pai 2006, section 4.3; the whitening is ours.
     """
@@ -57,12 +87,10 @@ class DynamicEquilibrium(eqx.Module):
     frames: Int[Real, "event sample"]
     difference: Float[Real, "event sample dof"]
     whitening: Float[Real, "event n n"]
-    systematic: Float[Real, "event sample dof mode"] | None = None
-
-    @property
-    def uses(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-        return USES if self.systematic is None else (*USES, "planned")
+    common: Common | None = None
+    uses: tuple[str, ...] = eqx.field(
+        static=True, default=("compliance", "damping time", "inertia", "offsets", "sensor gain", "sensor delay")
+    )
 
     def deviation(self, values: Values) -> Float[Real, "event frame dof"]:
         """e of every event and frame, rad."""
@@ -79,10 +107,9 @@ class DynamicEquilibrium(eqx.Module):
         """Whitened `[event * sample * dof]`."""
         deviation = self.deviation(values)
         left = jnp.asarray(self.difference) - jax.vmap(lambda e, at: e[at])(deviation, jnp.asarray(self.frames))
-        if self.systematic is not None:
-            left = left - jnp.asarray(self.systematic) @ values["planned"]
         flat = left.reshape(left.shape[0], -1)
-        return jnp.ravel(jnp.einsum("eij,ej->ei", jnp.asarray(self.whitening), flat))
+        white = jnp.ravel(jnp.einsum("eij,ej->ei", jnp.asarray(self.whitening), flat))
+        return white if self.common is None else self.common.whitened(white)
 
 
 def response(

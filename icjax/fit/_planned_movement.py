@@ -128,8 +128,8 @@ def learn_movement(
     """
     if len(stretches) < LEAST_STRETCHES:
         raise ValueError(
-            f"{len(stretches)} stretches of {s[-1] - s[0]:.2g} s without contact; without catch trials at least "
-            f"{LEAST_STRETCHES} must tell how movement goes on"
+            f"{len(stretches)} stretches of {s[-1] - s[0]:.2g} s without contact; at least {LEAST_STRETCHES} must tell "
+            "how movement goes on"
         )
     angle = np.stack(stretches)
     angle, paces = angle - angle[:, :1], pace(s, angle)

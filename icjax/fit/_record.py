@@ -16,7 +16,8 @@ class FitWindows(eqx.Module):
     """Every contact that was fitted, at the compared samples; NaN past the end of a window that has fewer.
 
     `reference` = `angle` - `deviation`: the movement that would have gone on (`contact_free`). `residual` is
-    `angle` - `repetition` - `deviation`, whitened in the order of time: each sample given those before. `angle` -
+    `angle` - `repetition` - `deviation`, whitened in the order of time: each sample given those before (and without
+    repetitions what the contacts have in common). `angle` -
     `repetition` - `drift` is the deviation as measured, to be held against `deviation` within `drift_sd`.
     """
 

@@ -42,8 +42,8 @@ def session_problem(session: Session, options: FitOptions | None = None) -> Sess
     The mean of a trial's catch trials is its reference, their spread (`learn`) its covariance. Without them a planned
     deceleration after contact cannot be told from compliance, whatever else is measured: the reference of such a trial
     is foretold from the movement before contact by a Gaussian process learnt from free movement (`PlannedMovement`),
-    once for each contact, and once more for what all contacts of the session may have in common ("planned" among the
-    parameters): a subject who always brakes at the surface. Intervals are as wide as that leaves them.
+    once for each contact, and once more for what all contacts of the session may have in common (`Common`): a subject
+    who always brakes at the surface. Intervals are as wide as that leaves them.
 
     **Errors**: `ValueError` for a session without trials or contact forces, with trials of different models or rates,
     with fewer than `LEAST_EVENTS` usable contacts, a torque that never varies, or neither catch trials nor free
@@ -79,8 +79,6 @@ def session_problem(session: Session, options: FitOptions | None = None) -> Sess
     measurement = measured(windows, motions, groups, expected, options)
     names = tuple(model.dof_names[dof] for dof in dofs)
     parameters = _parameters(model, dofs, segments, next(iter(motions.values())).offset_names, options)
-    if measurement.systematic is not None:
-        parameters = Parameters((*parameters.of, _planned(np.asarray(measurement.systematic), names)))
     return SessionProblem(Problem(parameters, (measurement,)), motions, tuple(windows), groups, names, expected)
 
 
@@ -146,10 +144,3 @@ def _parameters(model: Model, dofs, segments, offsets, options: FitOptions) -> P
         Parameter("sensor delay", np.array(0.0), "s", Identity(), DELAY_SD),
     ]
     return Parameters(tuple(items))
-
-
-def _planned(systematic: np.ndarray, names: tuple[str, ...]) -> Parameter:
-    """What all contacts without repetitions have in common, in units of what was thought likely."""
-    of = np.argmax(np.abs(systematic).max(axis=(0, 1)), axis=0)
-    labels = tuple(f"{names[joint]} {int(np.sum(of[:mode] == joint)) + 1}" for mode, joint in enumerate(of))
-    return Parameter("planned", np.zeros(len(of)), "prior sd", Identity(), 1.0, labels=labels)

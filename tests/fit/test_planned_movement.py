@@ -2,10 +2,12 @@
 
 import dataclasses
 
+import jax
 import numpy as np
 import pytest
 
 from icjax.fit import check_fit, fit_record, fit_session
+from icjax.fit._dynamic import Common
 from icjax.fit._planned_movement import GRID, STILL, PlannedMovement, learn_movement, pace
 from icjax.fit._variability import FAST, matern
 
@@ -109,6 +111,20 @@ def test_mixed_session(session):
     counts = {window.trial: len(window.repetitions) for window in found.made.windows}
     assert counts[first.name] == 0
     assert sorted(counts.values())[1] == 2
-    shared = np.asarray(found.made.problem.measurements[0].systematic)
-    moved = [np.abs(item).max() > 0 for item in shared]
-    assert moved == [not window.repetitions for window in found.made.windows]
+    basis = np.asarray(found.made.problem.measurements[0].common.basis).reshape(len(found.made.windows), -1)
+    assert [bool(np.abs(item).max() > 1e-9) for item in basis] == [not w.repetitions for w in found.made.windows]
+
+
+def test_common_part_is_integrated_out():
+    """The same cost and the same information as with p among the numbers, and its mean."""
+    generator = np.random.default_rng(8)
+    A, r, J = generator.standard_normal((30, 4)), generator.standard_normal(30), generator.standard_normal((30, 2))
+    common = Common.of(A)
+    V = np.eye(30) + A @ A.T
+    white = np.asarray(common.whitened(r))
+    np.testing.assert_allclose(white @ white, r @ np.linalg.solve(V, r), rtol=1e-12)
+    W = np.asarray(jax.vmap(common.whitened, in_axes=1, out_axes=1)(J))
+    np.testing.assert_allclose(W.T @ W, J.T @ np.linalg.solve(V, J), rtol=1e-10)
+    np.testing.assert_allclose(common.plain(white), r, atol=1e-12)
+    p = np.linalg.solve(np.eye(4) + A.T @ A, A.T @ r)
+    np.testing.assert_allclose(common.expected(r), A @ p, atol=1e-12)

@@ -55,3 +55,18 @@ def test_bad_sessions(session):
 def test_bad_options(field, value):
     with pytest.raises(ValueError, match=field):
         FitOptions(**{field: value})
+
+
+def test_nothing_free_to_learn_from(session):
+    """Without catch trials and without free movement beside the contacts."""
+    first = session.trials()[0]
+    time, events = np.asarray(first.time), first.events
+    busy = np.ones(len(time), bool)
+    for onset in np.asarray(events.onset):
+        busy[(time > onset - 0.2) & (time < onset)] = False
+    touching = np.asarray(first.touching) | busy[:, None]
+    held = dataclasses.replace(first, touching=touching)
+    with pytest.raises(
+        ValueError, match=r"without a catch trial \('trial00'\): 0 stretches of 0.3\d s without contact"
+    ):
+        session_problem(dataclasses.replace(session, recordings=(held,)))
