@@ -3,8 +3,8 @@
     python experiments/benchmarks/session_fit.py [--cache DIR]
 
 The finger's: 98 s of trials at 500 Hz of the virtual laboratory, 4 joints, 48 contacts, one catch trial a trial. The
-hand's: `virtual_sessions/grasp5`, 25 s, 24 compliant degrees of freedom, no catch trials. Each is captured, then fitted in a process of its
-own without a compilation cache. Writes session_fit.json.
+hand's: `virtual_sessions/grasp5`, 25 s, 24 compliant degrees of freedom, no catch trials. Each is captured, then
+fitted in a process of its own without a compilation cache. Writes session_fit.json.
 """
 
 import argparse
