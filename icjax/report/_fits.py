@@ -80,7 +80,7 @@ def _fit(number: int, fit: FitRecord, truth: Mapping[str, float], named: bool) -
     body += figure(
         view.svg(view.plot_fit_reference(fit, shown), f"fit-{number}-reference", "reference trajectory with its band"),
         "The measured angle less the fitted deviation, with the 95 % band of the fit's numbers and of the angles' "
-        "noise. A constant offset of a joint angle is in all three curves alike and not part of the band.",
+        "noise. A constant offset of a joint angle is in all curves alike and not part of the band.",
     )
     if left:
         body += absent(f"Not drawn: {', '.join(left)}.")

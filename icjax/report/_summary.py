@@ -80,8 +80,9 @@ def _fit_lead(fit: FitRecord) -> str:
         for joint, value, refused in zip(fit.joint_names, fit.compliance, fit.refused, strict=True)
     ]
     listed = f": {', '.join(found)} rad/Nm." if len(found) <= 6 else f"; the table lists {len(found)}."
+    against = _count(fit.catch_trials, "catch trial") if fit.catch_trials else "what was foretold (no catch trials)"
     return (
-        f"All contacts of the session {fit.name} together, held against {_count(fit.catch_trials, 'catch trial')}, "
+        f"All contacts of the session {fit.name} together, held against {against}, "
         "gave compliances with inertia, damping and planned movement accounted for" + listed
     )
 
@@ -151,8 +152,8 @@ def cautions(interactions: Interactions, rollouts: Rollouts, simulated: bool | N
             )
     if fits:
         points.append(
-            "The intervals of the fit hold if its model does: constant compliance, repetitions that vary as the catch "
-            "trials do. A refused joint has bounds and no number."
+            "The intervals of the fit hold if its model does: constant compliance, trials that vary as catch trials or "
+            "free movement do. A refused joint has bounds and no number."
         )
     if rollouts:
         points.append(
