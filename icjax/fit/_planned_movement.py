@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
 from icjax.fit._variability import FAST, JITTER, NOISE_SD, matern
@@ -159,5 +160,5 @@ def learn_movement(
 def _missed(plain, s, angle, speed, noise, correlation) -> float:
     """Mean square of a stretch's whitened angles at s > 0."""
     K = plain.covariance(s, speed, noise, correlation).reshape(angle.size, -1)
-    white = np.linalg.solve(np.linalg.cholesky(K), angle.ravel()).reshape(angle.shape)
+    white = solve_triangular(np.linalg.cholesky(K), angle.ravel(), lower=True).reshape(angle.shape)
     return float(np.mean(white[s > 0.0] ** 2))

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
 from icjax.typing import Float
@@ -130,7 +131,8 @@ def _missed(curves, variability, noise, correlations, shift_sd, onset) -> float:
         K = 2.0 * covariance(curve.s, variability, noise, rho).reshape(curve.difference.size, -1)
         for rate in curve.rates:
             K = K + shift_sd**2 * np.outer(rate.ravel(), rate.ravel())
-        white = np.linalg.solve(np.linalg.cholesky(K), curve.difference.ravel()).reshape(curve.difference.shape)
+        white = solve_triangular(np.linalg.cholesky(K), curve.difference.ravel(), lower=True)
+        white = white.reshape(curve.difference.shape)
         after = curve.s > onset  # whitening in the order of time conditions every sample on those before
         squares, count = squares + float(np.sum(white[after] ** 2)), count + int(np.sum(after)) * white.shape[1]
     return squares / count if count else 1.0
