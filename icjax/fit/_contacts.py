@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from icjax.fit._carried import carried_torque, pushed, rest_of
 from icjax.fit._dynamic import Common, DynamicEquilibrium, whitener
 from icjax.fit._options import FitOptions
 from icjax.fit._planned_movement import PlannedMovement, free_stretches, learn_movement, pace
@@ -16,7 +17,10 @@ SMEAR = 0.024
 
 
 class Window(NamedTuple):
-    """One contact: frames of the trial, its repetitions laid over it at the compared samples; none without them."""
+    """One contact: frames of the trial, its repetitions laid over it at the compared samples; none without them.
+
+    `aside` [frame, rest]: how far the rest of the body is from theirs (`moved_aside`), from `first` to `last`.
+    """
 
     trial: str
     event: int
@@ -25,6 +29,7 @@ class Window(NamedTuple):
     last: int
     samples: np.ndarray
     repetitions: tuple[Repetition, ...]
+    aside: np.ndarray
 
 
 class Expected(NamedTuple):
@@ -99,19 +104,26 @@ def measured(
     full = round((options.before + options.after) * rate) + 1
     length = max(full, *(w.last - w.first + 1 for w in windows))
     count = max(-(-full // _stride(options, rate)), *(len(w.samples) for w in windows))
-    rows: dict[str, list[np.ndarray]] = {key: [] for key in ("torque", "rate", "by", "frames", "y", "W", "common")}
+    rows: dict[str, list[np.ndarray]] = {
+        key: [] for key in ("torque", "rate", "by", "frames", "y", "W", "common", "carried")
+    }
     inertia: list[list[np.ndarray]] = [[], [], []]
+    forces = [motions[w.trial].rest_torque[w.first : w.last + 1] for w in windows]
+    rest = pushed([window.aside for window in windows], forces, rate)
     movements = {name: smoothed(motions[name]) for name in dict.fromkeys(w.trial for w in windows)}
     modes = None if expected.movement is None else expected.movement.modes(options.before, options.after)
-    for window in windows:
+    for window, aside in zip(windows, rest, strict=True):
         motion = motions[window.trial]
         frames = np.arange(window.first, window.last + 1)
         torque = motion.torque[frames]
         rows["torque"].append(_filled(torque, length))
         rows["rate"].append(_filled(np.gradient(torque, 1.0 / rate, axis=0), length))
         rows["by"].append(_filled(motion.by_offset[frames], length))
-        for store, part in zip(inertia, inertia_along(motion, movements[window.trial], groups, frames), strict=True):
-            store.append(_filled(part, length, repeat=True))
+        parts = inertia_along(motion, movements[window.trial], groups, frames, (*motion.dofs, *rest_of(motion)))
+        for store, part in zip(inertia, parts, strict=True):
+            store.append(_filled(part[..., :dofs], length, repeat=True))
+        others = parts[0][..., dofs:], parts[1][..., dofs:], parts[2][..., dofs:]
+        rows["carried"].append(_filled(carried_torque(others, aside), length))
         y, K = _against_expected(motion, window, expected, options)
         used = np.zeros((count, dofs), bool)
         used[: len(window.samples)] = True
@@ -132,7 +144,7 @@ def measured(
         "contacts", 1.0 / rate, stacked["torque"], stacked["rate"], stacked["by"],
         (np.stack(inertia[0]), np.stack(inertia[1]), np.stack(inertia[2])),
         np.asarray(first.recording.model.armature)[list(first.dofs)], offset,
-        stacked["frames"].astype(int), stacked["y"], stacked["W"], common,
+        stacked["frames"].astype(int), stacked["y"], stacked["W"], common, stacked["carried"],
     )  # fmt: skip
 
 

@@ -51,10 +51,12 @@ class DynamicEquilibrium(eqx.Module):
 
     With e = q - q_ref the deviation from the movement that would have gone on,
 
-        M e'' + (N + B) e' + (G + K) e = J^T f,    K = C^-1,    B = T K (joint by joint),
+        M e'' + (N + B) e' + (G + K) e = J^T f - t,    K = C^-1,    B = T K (joint by joint),
 
-    M, N and G the derivatives of the inverse dynamics by acceleration, velocity and angle at the measured movement (so
-    that inertia of the planned movement, Coriolis and gravity terms at q_ref and q are accounted for to first order),
+    t the torque that it takes to go along with the rest of the body where the contact pushes that aside (`pushed`).
+    M, N and G are the derivatives of the inverse dynamics by acceleration, velocity and angle at the measured movement
+    (so that inertia of the planned movement, Coriolis and gravity terms at q_ref and q are accounted for to first
+    order),
     each a sum over segments of a mass factor times the segment's own. e is integrated by the implicit midpoint rule at
     the rate of the recording from rest before the contact. What is compared,
 
@@ -69,7 +71,8 @@ class DynamicEquilibrium(eqx.Module):
       `inertia` three arrays [event, frame, segment, dof, dof]; `armature` [dof].
     - `frames` [event, sample]: frames that are compared; `difference` rad [event, sample, dof]: trial less repetitions;
       `whitening` [event, n, n]: inverse of the Cholesky factor of its covariance, zero rows where nothing is compared.
-    - `common` [row, mode] and `share` [mode] of the `Common` part of contacts without repetitions; None without any.
+    - `common`: the `Common` part of contacts without repetitions; None without any.
+    - `carried` Nm [event, frame, segment, dof]: t of a segment; None where the rest of the body does not move.
 
     **Uses** "compliance" (diagonal `[dof]` or full `[dof, dof]`), "damping time" `[dof]`, "inertia" `[segment]`,
     "offsets" `[offset]` in units of its prior (`offset_factor` its Cholesky factor), "sensor gain" and "sensor delay".
@@ -89,6 +92,7 @@ class DynamicEquilibrium(eqx.Module):
     difference: Float[Real, "event sample dof"]
     whitening: Float[Real, "event n n"]
     common: Common | None = None
+    carried: Float[Real, "event frame segment dof"] | None = None
     uses: tuple[str, ...] = eqx.field(
         static=True, default=("compliance", "damping time", "inertia", "offsets", "sensor gain", "sensor delay")
     )
@@ -101,6 +105,8 @@ class DynamicEquilibrium(eqx.Module):
             + jnp.einsum("etij,j->eti", jnp.asarray(self.by_offset), offset)
             - values["sensor delay"] * jnp.asarray(self.torque_rate)
         )
+        if self.carried is not None:
+            torque = torque - jnp.einsum("etsi,s->eti", jnp.asarray(self.carried), values["inertia"])
         inertia = tuple(jnp.einsum("etsij,s->etij", jnp.asarray(part), values["inertia"]) for part in self.inertia)
         return jax.vmap(lambda parts, tau: response(parts, tau, values, self.armature, self.step))(inertia, torque)
 

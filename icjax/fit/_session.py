@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from icjax.estimation import compliant_dofs
+from icjax.fit._carried import moved_aside
 from icjax.fit._contacts import SMEAR, Expected, Window, expectation, measured
 from icjax.fit._options import FitOptions
 from icjax.fit._parameters import Parameter, Parameters
@@ -110,7 +111,7 @@ def _window(motion: Motion, event: int, catches: list[Motion], options: FitOptio
     stride = max(1, round(options.spacing * rate))
     samples = np.arange(first, last + 1, stride)
     time = np.asarray(motion.recording.time)
-    found = []
+    found, shifted = [], []
     for catch in catches:
         repetition = aligned(
             np.asarray(catch.recording.time)[catch.valid],
@@ -123,9 +124,11 @@ def _window(motion: Motion, event: int, catches: list[Motion], options: FitOptio
         )
         if np.isfinite(repetition.angle).all():
             found.append(repetition)
+            shifted.append((catch, repetition.shift))
     if catches and not found:
         return None
-    return Window(motion.recording.name, event, first, onset, last, samples, tuple(found))
+    aside = moved_aside(motion, shifted, np.arange(first, last + 1))
+    return Window(motion.recording.name, event, first, onset, last, samples, tuple(found), aside)
 
 
 def _parameters(model: Model, dofs, segments, offsets, options: FitOptions) -> Parameters:

@@ -38,6 +38,7 @@ class Motion(NamedTuple):
     """One recording as the fit needs it, at its own rate, compliant degrees of freedom only.
 
     - `angle`, `torque` [time, dof]; the torque is filtered as the angles are.
+    - `rest_torque` [time, rest]: of the degrees of freedom that are not fitted, filtered too.
     - `by_offset` [time, dof, offset]: derivative of the torque by what is wrong all the time: offsets of all
       coordinates of the model, then places of the contacts (three a contact, world axes).
     - `noise` [dof, dof]: covariance of the frame-to-frame error of the angles; `correlation` [lag]: its
@@ -49,6 +50,7 @@ class Motion(NamedTuple):
     dofs: tuple[int, ...]
     angle: np.ndarray
     torque: np.ndarray
+    rest_torque: np.ndarray
     by_offset: np.ndarray
     noise: np.ndarray
     correlation: np.ndarray
@@ -69,12 +71,12 @@ def motion_of(recording: Recording, dofs: tuple[int, ...]) -> Motion:
     finite: np.ndarray = np.asarray(np.all(np.isfinite(np.asarray(recording.q)), axis=1))
     valid = np.asarray(recording.valid) & finite
     angle = np.asarray(recording.q)[:, coordinates]
-    torque = np.nan_to_num(np.asarray(joint_torque(recording))[:, columns])
+    every = np.nan_to_num(np.asarray(joint_torque(recording)))
     by_offset = _torque_by_offset(recording)[:, columns]
     correlation = np.zeros(len(recording.time))
     correlation[0] = 1.0
     if cutoff is not None:
-        torque, by_offset = lowpass(torque, rate, cutoff), lowpass(by_offset, rate, cutoff)
+        every, by_offset = lowpass(every, rate, cutoff), lowpass(by_offset, rate, cutoff)
         impulse = np.zeros(4 * len(recording.time))
         impulse[2 * len(recording.time)] = 1.0
         response = np.fft.rfft(lowpass(impulse, rate, cutoff))
@@ -88,13 +90,20 @@ def motion_of(recording: Recording, dofs: tuple[int, ...]) -> Motion:
     whole[: model.nv, : model.nv] = offset
     whole[model.nv :, model.nv :] = POINT_SD**2 * np.eye(len(places))
     return Motion(
-        recording, dofs, angle, torque, by_offset, np.nanmean(covariance, axis=0), correlation, whole,
+        recording, dofs, angle, every[:, columns], np.delete(every, columns, axis=1), by_offset,
+        np.nanmean(covariance, axis=0), correlation, whole,
         (*model.dof_names, *places), valid,
     )  # fmt: skip
 
 
 def linear_inertia(
-    model: Model, groups: np.ndarray, dofs: tuple[int, ...], q: Real, v: Real, a: Real
+    model: Model,
+    groups: np.ndarray,
+    dofs: tuple[int, ...],
+    q: Real,
+    v: Real,
+    a: Real,
+    by: tuple[int, ...] | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Derivatives of the inverse dynamics by angle, velocity and acceleration, for every group of bodies alone.
 
@@ -102,20 +111,22 @@ def linear_inertia(
     deviation from the contact-free movement, ID(q) - ID(q - e) = A2 e'' + A1 e' + A0 e to first order: the mass matrix,
     Coriolis and gravity terms.
 
-    **Arguments**: `groups` [body], -1 for bodies that no fitted joint moves; `q`, `v`, `a` `[time, ...]`.
+    **Arguments**: `groups` [body], -1 for bodies that no fitted joint moves; `q`, `v`, `a` `[time, ...]`; `by` degrees
+    of freedom by which is differentiated, default `dofs`.
 
-    **Returns** A0, A1, A2 `[time, group, dof, dof]`. Source: Kry and Pai 2006, Eq. 3.
+    **Returns** A0, A1, A2 `[time, group, dof, by]`. Source: Kry and Pai 2006, Eq. 3.
     """
     count = int(groups.max()) + 1
     masks = np.stack([groups == group for group in range(count)]).astype(float)
-    A0, A1, A2 = _derivatives(model, tuple(dofs), jnp.asarray(masks), *(jnp.asarray(x) for x in (q, v, a)))
+    by = tuple(dofs) if by is None else tuple(by)
+    A0, A1, A2 = _derivatives(model, tuple(dofs), by, jnp.asarray(masks), *(jnp.asarray(x) for x in (q, v, a)))
     return np.asarray(A0), np.asarray(A1), np.asarray(A2)
 
 
 @eqx.filter_jit
-def _derivatives(model: Model, dofs: tuple[int, ...], masks, q, v, a):
-    columns = np.asarray(dofs)
-    into = jnp.zeros((len(dofs), model.nv)).at[np.arange(len(dofs)), columns].set(1.0)
+def _derivatives(model: Model, dofs: tuple[int, ...], by: tuple[int, ...], masks, q, v, a):
+    rows = np.asarray(dofs)
+    into = jnp.zeros((len(by), model.nv)).at[np.arange(len(by)), np.asarray(by)].set(1.0)
 
     def at(frame):
         q, v, a = frame
@@ -133,9 +144,9 @@ def _derivatives(model: Model, dofs: tuple[int, ...], masks, q, v, a):
 
             def torque(x):
                 dq, dv, da = x @ into
-                return inverse_dynamics(part, integrate(part, q, dq), v + dv, a + da)[columns]
+                return inverse_dynamics(part, integrate(part, q, dq), v + dv, a + da)[rows]
 
-            return jnp.moveaxis(jax.jacfwd(torque)(jnp.zeros((3, len(dofs)))), 1, 0)
+            return jnp.moveaxis(jax.jacfwd(torque)(jnp.zeros((3, len(by)))), 1, 0)
 
         return jnp.moveaxis(jax.vmap(group)(masks), 1, 0)
 
@@ -162,7 +173,7 @@ def smoothed(motion: Motion) -> SmoothMotion:
 
 
 def inertia_along(
-    motion: Motion, movement: SmoothMotion, groups: np.ndarray, frames: np.ndarray
+    motion: Motion, movement: SmoothMotion, groups: np.ndarray, frames: np.ndarray, by: tuple[int, ...]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A0, A1, A2 of `linear_inertia` at frames of a recording, linear between every `INERTIA_EVERY` s."""
     stride = max(1, round(INERTIA_EVERY * motion.recording.rate))
@@ -171,7 +182,9 @@ def inertia_along(
     lost: np.ndarray = np.asarray(np.any(np.isnan(np.concatenate([q, v, a], axis=1)), axis=1))
     q = np.where(lost[:, None], np.asarray(neutral(motion.recording.model))[None], q)
     v, a = (np.where(lost[:, None], 0.0, x) for x in (v, a))
-    A0, A1, A2 = on_full_blocks(partial(linear_inertia, motion.recording.model, groups, motion.dofs), q, v, a, block=16)
+    A0, A1, A2 = on_full_blocks(
+        partial(linear_inertia, motion.recording.model, groups, motion.dofs, by=by), q, v, a, block=16
+    )
     count = len(frames)
     return _between(coarse, A0, count), _between(coarse, A1, count), _between(coarse, A2, count)
 

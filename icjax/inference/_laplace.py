@@ -45,19 +45,22 @@ def laplace(
     prior: Float[Real, "row2 n"],
     *,
     scale: Float[Real, " n"] | None = None,
-    smallest: float = 1e-8,
+    smallest: float | None = None,
 ) -> Laplace:
     """Covariance (J^T J + P^T P)^-1 from the Jacobian J of whitened data and P of whitened priors.
 
-    A direction counts as blind where its information is below `smallest` times the largest, numbers in units of
-    `scale`, i.e. its singular value below the square root of that; then every number with a share in it has an
-    infinite interval. `learned` compares with the prior alone.
+    A direction counts as blind where its singular value is below `smallest` times the largest, numbers in units of
+    `scale`: where it is no more than what rounding leaves of none. Then every number with a share in it has an
+    infinite interval. A prior always counts, however well other numbers are measured. `learned` compares with the
+    prior alone.
 
     **Arguments**: `data`, `prior` the Jacobians, rows of unit variance; `scale` typical changes of the numbers,
-    default one (logarithms); `smallest`.
+    default one (logarithms); `smallest`, default 1e-10 in double and 1e-4 in single precision.
 
     **Source**: Bates and Watts 1988, Nonlinear regression analysis; the Bayesian reading is Laplace's.
     """
+    if smallest is None:
+        smallest = 1e-4 if np.asarray(data).dtype == np.float32 else 1e-10
     J, P = np.asarray(data, float), np.asarray(prior, float)
     n = J.shape[1]
     units = np.ones(n) if scale is None else np.asarray(scale, float)
@@ -65,7 +68,7 @@ def laplace(
     if both.shape[0] < n:
         both = np.concatenate([both, np.zeros((n - both.shape[0], n))])
     _, values, Vt = np.linalg.svd(both, full_matrices=False)
-    seen = values > np.sqrt(smallest) * max(float(values.max(initial=0.0)), np.finfo(float).tiny)
+    seen = values > smallest * max(float(values.max(initial=0.0)), np.finfo(float).tiny)
     inverse = Vt[seen].T / values[seen][None, :]
     covariance = (inverse @ inverse.T) * units[:, None] * units[None, :]
     blind = Vt[~seen].T

@@ -1,0 +1,143 @@
+"""What moves the compliant joints beside the contact: the rest of the body, pushed aside by it, carries them along."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.interpolate import make_interp_spline
+from scipy.signal import bilinear, lfilter
+
+from icjax.fit._windows import Motion
+from icjax.model import Model, difference
+from icjax.running import on_full_blocks
+from icjax.typing import Float, Real
+
+BLOCK = 256
+"""Frames that one compiled call takes."""
+
+FREQUENCIES = (1.0, 2.0, 4.0, 7.0, 12.0, 20.0, 40.0)
+RATIOS = (0.3, 0.7, 1.5)
+"""Hz and damping ratios of an arm, a rest or a table that are tried."""
+
+LINES = 20.0
+"""Hz below which angles vary; what is sampled more often is not independent."""
+
+
+def rest_of(motion: Motion) -> tuple[int, ...]:
+    """Degrees of freedom that are not fitted: a forearm on its rest, a hand's root."""
+    return tuple(dof for dof in range(motion.recording.model.nv) if dof not in motion.dofs)
+
+
+def moved_aside(
+    motion: Motion, repetitions: list[tuple[Motion, float]], frames: np.ndarray
+) -> Float[np.ndarray, "frame rest"]:
+    """How far the rest of the body is from where repetitions have it, in tangent coordinates of the trial.
+
+    **Arguments**: `repetitions` with the shift, s, by which each is read later; none gives zeros.
+    """
+    rest = list(rest_of(motion))
+    time, q = np.asarray(motion.recording.time)[frames], np.asarray(motion.recording.q)[frames]
+    result = np.zeros((len(frames), len(rest)))
+    for other, shift in repetitions:
+        when = np.asarray(other.recording.time)[other.valid]
+        spline = make_interp_spline(when, np.asarray(other.recording.q)[other.valid], k=3)
+        there = spline(np.clip(time + shift, when[0], when[-1]))
+        found = on_full_blocks(lambda a, b: _apart(motion.recording.model, a, b), there, q, block=BLOCK)
+        result += np.asarray(found)[:, rest] / len(repetitions)
+    return result
+
+
+class Pushed(NamedTuple):
+    """The rest of the body as the contact pushes it: displacement, velocity and acceleration [frame, rest]."""
+
+    aside: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+
+
+def pushed(aside: list[np.ndarray], force: list[np.ndarray], rate: float) -> list[Pushed]:
+    """What of `aside` follows from the contact force: each coordinate d a damped spring moved by all of them,
+
+        d'' = w^2 (sum_k c_k f_k - d) - 2 z w d',
+
+    from rest. Differentiating the measured d twice would give noise that the angles of the fitted joints share (their
+    markers are the same), and fits mistake that for inertia. c is the mean of a linear regression over all windows with
+    a normal prior, a constant and a slope of every window left out; w, z and the prior's width are those of greatest
+    evidence, so that what the force does not explain counts for nothing.
+
+    **Arguments**: of every window `aside` [frame, rest], and `force` [frame, rest] generalised forces of the contact on
+    the same coordinates; `rate` Hz.
+
+    **Source**: evidence of a linear model: MacKay 1992, Bayesian interpolation.
+    """
+    rest = aside[0].shape[1]
+    result = [Pushed(*(np.zeros_like(item) for _ in range(3))) for item in aside]
+    scale = np.sqrt(np.mean(np.concatenate(force) ** 2, axis=0))
+    used = np.flatnonzero(scale > 1e-9)
+    if not used.size:
+        return result
+    unit = [item[:, used] / scale[used] for item in force]
+    springs = [
+        _side_by_side([_followed(item, 2.0 * np.pi * hertz, ratio, rate) for hertz in FREQUENCIES for ratio in RATIOS])
+        for item in unit
+    ]
+    X = np.concatenate([_without_line(one.aside) for one in springs])
+    for joint in range(rest):
+        y = np.concatenate([_without_line(item[:, joint : joint + 1]) for item in aside])[:, 0]
+        if np.max(np.abs(y)) < 1e-12:
+            continue
+        _, c = _regressed(X, y, 2.0 * LINES / rate)
+        for one, window in zip(result, springs, strict=True):
+            for into, part in zip(one, window, strict=True):
+                into[:, joint] = part @ c
+    return result
+
+
+def _followed(force: np.ndarray, w: float, z: float, rate: float) -> Pushed:
+    """Springs of unit compliance, by the bilinear rule."""
+    den = np.array([1.0, 2.0 * z * w, w**2])
+    d, v = (lfilter(*bilinear(np.array(num), den, rate), force, axis=0) for num in ([w**2], [w**2, 0.0]))
+    return Pushed(d, v, w**2 * (force - d) - 2.0 * z * w * v)
+
+
+def _side_by_side(parts: list[Pushed]) -> Pushed:
+    return Pushed(*(np.concatenate(columns, axis=1) for columns in zip(*parts, strict=True)))
+
+
+def _without_line(values: np.ndarray) -> np.ndarray:
+    """Less the straight line that fits best, column by column."""
+    t = np.linspace(-1.0, 1.0, len(values))
+    Q, _ = np.linalg.qr(np.stack([np.ones_like(t), t], axis=1))
+    return values - Q @ (Q.T @ values)
+
+
+def _regressed(X: np.ndarray, y: np.ndarray, share: float) -> tuple[float, np.ndarray]:
+    """Greatest evidence over the prior's width, and the mean of c; only a `share` of the samples is independent."""
+    U, s, Vt = np.linalg.svd(X, full_matrices=False)
+    along, count = U.T @ y, share * len(y)
+    total = y @ y
+    best = (-np.inf, np.zeros(X.shape[1]))
+    for shrink in np.geomspace(1e-6, 1e6, 37) * max(float(s[0]) ** 2, 1e-300):
+        kept = s**2 / (s**2 + shrink)
+        left = total - np.sum(kept * along**2)
+        evidence = -0.5 * count * np.log(left) + 0.5 * np.sum(np.log1p(-kept))
+        if evidence > best[0]:
+            best = float(evidence), Vt.T @ (kept / np.maximum(s, 1e-300) * along)
+    return best
+
+
+def carried_torque(
+    parts: tuple[np.ndarray, np.ndarray, np.ndarray], rest: Pushed
+) -> Float[np.ndarray, "frame segment dof"]:
+    """Torque that the fitted joints need to go along: A2 d'' + A1 d' + A0 d, Nm for every unit of a mass factor.
+
+    **Arguments**: `parts` A0, A1, A2 `[frame, segment, dof, rest]` (`linear_inertia`).
+    """
+    return np.sum([np.einsum("tsij,tj->tsi", A, d) for A, d in zip(parts, rest, strict=True)], axis=0)
+
+
+@eqx.filter_jit
+def _apart(model: Model, there: Float[Real, "frame nq"], q: Float[Real, "frame nq"]) -> Float[Real, "frame nv"]:
+    return -jax.vmap(lambda a, b: difference(model, a, b))(jnp.asarray(q), jnp.asarray(there))
