@@ -60,16 +60,20 @@ class Motion(NamedTuple):
 def motion_of(recording: Recording, dofs: tuple[int, ...]) -> Motion:
     """Angles and torque of a recording in one bandwidth.
 
-    **Errors**: `ValueError` for a compliant joint that is no hinge or slide, or a recording without contact forces.
+    A frame is valid where pose and, while something touches, torque are known.
+
+    **Errors**: `ValueError` for a compliant joint that is no hinge or slide, or a recording without a valid frame or
+    without knowledge of how exact its angles are.
     """
     model, columns = recording.model, list(dofs)
     cutoff = _cutoff(recording)
     rate = recording.rate
     coordinates = _coordinates(model, dofs)
+    measured = np.asarray(joint_torque(recording))[:, columns]
     finite: np.ndarray = np.asarray(np.all(np.isfinite(np.asarray(recording.q)), axis=1))
-    valid = np.asarray(recording.valid) & finite
+    valid = np.asarray(recording.valid) & finite & np.isfinite(measured).all(axis=1)
     angle = np.asarray(recording.q)[:, coordinates]
-    torque = np.nan_to_num(np.asarray(joint_torque(recording))[:, columns])
+    torque = np.nan_to_num(measured)
     by_offset = _torque_by_offset(recording)[:, columns]
     correlation = np.zeros(len(recording.time))
     correlation[0] = 1.0
@@ -80,7 +84,7 @@ def motion_of(recording: Recording, dofs: tuple[int, ...]) -> Motion:
         response = np.fft.rfft(lowpass(impulse, rate, cutoff))
         power = np.fft.irfft(np.abs(response) ** 2)
         correlation = power[: len(recording.time)] / power[0]
-    covariance = np.asarray(recording.q_covariance, float)[valid][:, columns][:, :, columns]
+    noise = _frame_noise(recording, valid, columns)
     offset = recording.q_offset_covariance
     offset = np.diag(np.asarray(recording.q_offset_sd) ** 2) if offset is None else np.asarray(offset)
     places = tuple(f"{contact} {axis}" for contact in recording.contact_names for axis in "xyz")
@@ -88,9 +92,34 @@ def motion_of(recording: Recording, dofs: tuple[int, ...]) -> Motion:
     whole[: model.nv, : model.nv] = offset
     whole[model.nv :, model.nv :] = POINT_SD**2 * np.eye(len(places))
     return Motion(
-        recording, dofs, angle, torque, by_offset, np.nanmean(covariance, axis=0), correlation, whole,
+        recording, dofs, angle, torque, by_offset, noise, correlation, whole,
         (*model.dof_names, *places), valid,
     )  # fmt: skip
+
+
+def _frame_noise(recording: Recording, valid: np.ndarray, columns: list[int]) -> np.ndarray:
+    """Mean covariance [dof, dof] of the angles over the valid frames that state it."""
+    if not valid.any():
+        raise ValueError(f"{recording.role} {recording.name!r}: no frame has a pose")
+    covariance = np.asarray(recording.q_covariance, float)[valid][:, columns][:, :, columns]
+    stated = np.isfinite(covariance).all(axis=(1, 2))
+    if not stated.any():
+        raise ValueError(
+            f"{recording.role} {recording.name!r}: q_covariance is not finite in any frame; a fit must know how exact "
+            "the angles are"
+        )
+    return covariance[stated].mean(axis=0)
+
+
+def without_contact(motion: Motion, before: float, after: float) -> Motion:
+    """The same, valid only where nothing touches, nor within `before` s of an onset or `after` s of a release."""
+    recording = motion.recording
+    touched: np.ndarray = np.asarray(np.any(np.asarray(recording.touching), axis=1))
+    if not touched.any():
+        return motion
+    lead, tail = (int(np.ceil(seconds * recording.rate)) for seconds in (before, after))
+    spread = np.convolve(touched, np.ones(lead + tail + 1))[lead : lead + len(touched)] > 0.5
+    return motion._replace(valid=motion.valid & ~spread)
 
 
 def linear_inertia(
@@ -143,9 +172,14 @@ def _derivatives(model: Model, dofs: tuple[int, ...], masks, q, v, a):
 
 
 def segment_groups(model: Model, dofs: tuple[int, ...]) -> tuple[np.ndarray, tuple[str, ...]]:
-    """For every body the number of the mass factor that scales it, and the factors' names."""
+    """For every body the number of the mass factor that scales it, and the factors' names.
+
+    **Errors**: `ValueError` where no joint moves a mass.
+    """
     moved: np.ndarray = np.asarray(np.any(model.path_mask[:, list(dofs)], axis=1))
     moved = moved & (np.asarray(model.body_mass) > 0)
+    if not moved.any():
+        raise ValueError(f"model {model.name!r}: no body that its compliant joints move has a mass")
     groups = np.full(len(model.body_names), -1)
     if moved.sum() > MOST_SEGMENTS:
         groups[moved] = 0
@@ -180,14 +214,14 @@ def contact_frames(motion: Motion, event: int, options: FitOptions) -> tuple[int
     """First frame, frame of the onset and last frame of an event's window.
 
     It begins where nothing has touched for a while and ends with the event; what else touches meanwhile is part of the
-    torque, so that the fingers of a grasp share the window of the first.
+    torque, so that the fingers of a grasp share the window of the first (in order of the events where two touch at
+    the same time).
     """
     recording = motion.recording
     events, rate = recording.events, recording.rate
     onset, release = np.asarray(events.onset, float), np.asarray(events.release, float)
     here, begin = onset[event], float(np.asarray(recording.time)[0])
-    others = np.arange(len(onset)) != event
-    earlier = others & (onset <= here)
+    earlier = (onset < here) | ((onset == here) & (np.arange(len(onset)) < event))
     ended = np.where(np.isnan(release), np.inf, release)
     free_from = np.max(ended[earlier], initial=begin - options.settle) + options.settle
     until = min(ended[event], here + options.after, float(np.asarray(recording.time)[-1]))
