@@ -65,10 +65,12 @@ class Design:
 
         **Arguments**: `contacts` in all, shared evenly; default each probe's own.
 
-        **Errors**: `ValueError` for no probe or a number that is none's.
+        **Errors**: `ValueError` for no probe or a number that is none's, and for `contacts` that are not above zero.
         """
         if not len(chosen) or any(not 0 <= item < len(self.probes) for item in chosen):
             raise ValueError(f"chosen = {list(chosen)}: must be numbers of probes, 0 to {len(self.probes) - 1}")
+        if contacts is not None and not (contacts > 0 and np.isfinite(contacts)):
+            raise ValueError(f"contacts = {contacts}: must be above zero and finite")
         times = [self.probes[item].contacts if contacts is None else contacts / len(chosen) for item in chosen]
         data = np.concatenate([np.sqrt(n) * self.factor[item] for item, n in zip(chosen, times, strict=True)])
         known = laplace(data, self.prior, scale=1.0 / np.linalg.norm(self.prior, axis=0))
