@@ -60,7 +60,7 @@ compliance = np.array(model.compliance)
 for name, value in zip(joints, pilot.compliance, strict=True):
     compliance[model.dof_names.index(name)] = value
 model = dataclasses.replace(model, compliance=compliance)
-variability = Variability(pilot.variability, pilot.inflation)
+variability = Variability(pilot.variability, pilot.noise, pilot.inflation)
 print("expected (rad/Nm):", ", ".join(f"{name} {compliance[model.dof_names.index(name)]:.2f}" for name in joints))
 
 # %% [markdown]

@@ -15,6 +15,7 @@ import contextlib
 import dataclasses
 import json
 import multiprocessing
+import os
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -63,6 +64,7 @@ def main(config: Config) -> dict[str, Any]:
     with contextlib.ExitStack() as stack:
         results = map(one, missing)
         if config.workers > 1:
+            os.environ |= dict.fromkeys(("NPROC", "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")  # of a worker
             pool = stack.enter_context(multiprocessing.get_context("spawn").Pool(config.workers))
             results = pool.imap_unordered(one, missing)
         file = stack.enter_context(path.open("a"))

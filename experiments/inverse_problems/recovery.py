@@ -6,6 +6,8 @@ The planar index finger taps and strokes two plates of different height and fric
 theta_r is one cubic spline for both. Sought are C (diagonal, then full), theta_r, and the friction of each plate, from
 (a) angles and torques in static equilibrium, (c) angles and contact forces of a rollout. A start is found again where C
 and friction are right to 1e-6 (relative; entries of the full C relative to sqrt(C_ii C_jj)) and theta_r to 1e-8 rad.
+Rollouts that end with a residual, which is zero at the truth, are tried again by a schedule (recovery_solver.py);
+"recovered" counts after each stage.
 
 The ill-posed case: a reference that is free in every sample explains any C, which `laplace` must say. Data and model
 are the same here, so this judges the inverse problem and the solver, not the model. Writes recovery.json and
@@ -34,8 +36,8 @@ BOUNDS = np.array([1e-6, 1e-6, 1e-8])
 @dataclasses.dataclass(frozen=True)
 class Config:
     """`starts` of every problem, within `factor` of C and friction; `spread` rad of the spline's coefficients;
-    `restarts` from other starts where the schedule fails; `cases` of the
-    two kinds, static and rollout, with a diagonal or full compliance; `blind` the ill-posed case."""
+    `restarts` from other starts where the schedule ends with a residual; `cases` of the two kinds, static and rollout,
+    with a diagonal or full compliance; `blind` the ill-posed case."""
 
     starts: int = 100
     factor: float = 5.0

@@ -156,10 +156,11 @@ def design(
     dofs = tuple(compliant_dofs(model))
     _check(model, probes, catch_trials, dofs)
     if variability is None:
-        variability = Variability(np.tile(np.asarray(TYPICAL)[:, None], (1, len(dofs))), 1.0)
-    if np.shape(variability.amplitude) != (2, len(dofs)):
-        raise ValueError(f"variability: amplitude is {list(np.shape(variability.amplitude))}; the model has {len(dofs)}"
-                         " compliant degrees of freedom, it must be [2, that many]")  # fmt: skip
+        variability = Variability(np.tile(np.asarray(TYPICAL)[:, None], (1, len(dofs))), np.ones(len(dofs)), 1.0)
+    if np.shape(variability.amplitude) != (2, len(dofs)) or np.shape(variability.noise) != (len(dofs),):
+        raise ValueError(f"variability: amplitude is {list(np.shape(variability.amplitude))} and noise "
+                         f"{list(np.shape(variability.noise))}; the model has {len(dofs)} compliant degrees of "
+                         "freedom, they must be [2, that many] and [that many]")  # fmt: skip
     groups, segments = segment_groups(model, dofs)
     offset_names = (*model.dof_names, *(f"contact {axis}" for axis in "xyz"))
     parameters = _parameters(model, dofs, segments, offset_names, options)

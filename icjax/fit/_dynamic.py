@@ -6,6 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from icjax.fit._parameters import Values
 from icjax.typing import Float, Int, Real
@@ -144,5 +145,5 @@ def whitener(covariance: np.ndarray, used: np.ndarray) -> np.ndarray:
     rows = np.flatnonzero(used)
     result = np.zeros_like(covariance)
     factor = np.linalg.cholesky(covariance[np.ix_(rows, rows)])
-    result[np.ix_(rows, rows)] = np.linalg.inv(factor)
+    result[np.ix_(rows, rows)] = solve_triangular(factor, np.eye(len(rows)), lower=True)
     return result

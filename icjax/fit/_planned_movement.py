@@ -3,18 +3,19 @@
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
-from icjax.fit._variability import FAST, JITTER, matern
+from icjax.fit._variability import FAST, JITTER, NOISE_SD, matern
 from icjax.fit._windows import Motion
 from icjax.typing import Float
 
 LEAST_STRETCHES = 4
 """Stretches of free movement below which nothing is learnt of how movement goes on."""
 
-CENTRE = np.log([0.2, 0.2, np.radians(0.05)])
-WIDTH = np.log([5.0, 2.0, 5.0])
-"""Prior of the logarithms of `reach`, `length` and `tremor`: means and standard deviations."""
+CENTRE = np.log([0.2, 0.2, np.radians(0.05), 1.0])
+WIDTH = np.array([*np.log([5.0, 2.0, 5.0]), NOISE_SD])
+"""Prior of the logarithms of `reach`, `length`, `tremor` and `noise`: means and standard deviations."""
 
 STILL = 0.05
 """rad/s; a pace below which noise and tremor are all that moves."""
@@ -34,6 +35,7 @@ class PlannedMovement(NamedTuple):
 
     - `reach` s [dof]: its standard deviation over the `pace` of the movement, so that fast movements may change more.
     - `length` s [dof] of the process, `tremor` rad [dof] of what is faster (length `FAST`).
+    - `noise` [dof] multiplies the instrument's standard deviations.
     - `inflation` multiplies the covariance so that free movement foretold from what precedes it misses as much as it
       says.
     """
@@ -41,6 +43,7 @@ class PlannedMovement(NamedTuple):
     reach: Float[np.ndarray, " dof"]
     length: Float[np.ndarray, " dof"]
     tremor: Float[np.ndarray, " dof"]
+    noise: Float[np.ndarray, " dof"]
     inflation: float
 
     def covariance(
@@ -53,7 +56,7 @@ class PlannedMovement(NamedTuple):
         """Of the measured angles of a movement, wherever it begins."""
         count, dofs = len(s), len(noise)
         lag = s[:, None] - s[None, :]
-        full = np.einsum("st,ij->sitj", correlation, noise)
+        full = np.einsum("st,ij->sitj", correlation, noise * np.outer(self.noise, self.noise))
         for joint in range(dofs):
             full[:, joint, :, joint] += (self.reach[joint] * pace[joint]) ** 2 * matern(lag, self.length[joint])
             full[:, joint, :, joint] += self.tremor[joint] ** 2 * matern(lag, FAST) + ANYWHERE**2
@@ -134,23 +137,22 @@ def learn_movement(
     angle = np.stack(stretches)
     angle, paces = angle - angle[:, :1], pace(s, angle)
     lag = s[:, None] - s[None, :]
-    found = np.empty((3, angle.shape[2]))
+    found = np.empty((len(CENTRE), angle.shape[2]))
     for joint in range(angle.shape[2]):
-        rest = noise[joint, joint] * correlation + JITTER**2 * np.eye(len(s)) + ANYWHERE**2
+        white, rest = noise[joint, joint] * correlation, JITTER**2 * np.eye(len(s)) + ANYWHERE**2
         y, speed = angle[:, :, joint, None], paces[:, joint, None, None]
 
-        def cost(x, y=y, speed=speed, rest=rest):
-            reach, length, tremor = np.exp(x)
-            factor = np.linalg.cholesky(
-                (reach * speed) ** 2 * matern(lag, length) + tremor**2 * matern(lag, FAST) + rest
-            )
+        def cost(x, y=y, speed=speed, white=white, rest=rest):
+            reach, length, tremor, scale = np.exp(x)
+            short = tremor**2 * matern(lag, FAST) + scale**2 * white + rest
+            factor = np.linalg.cholesky((reach * speed) ** 2 * matern(lag, length) + short)
             told = 0.5 * np.sum(np.linalg.solve(factor, y) ** 2)
             told += np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)))
             return told + 0.5 * np.sum(((x - CENTRE) / WIDTH) ** 2)
 
         bounds = list(zip(CENTRE - 4 * WIDTH, CENTRE + 4 * WIDTH, strict=True))
         found[:, joint] = np.exp(minimize(cost, CENTRE, method="L-BFGS-B", bounds=bounds).x)
-    plain = PlannedMovement(found[0], found[1], found[2], 1.0)
+    plain = PlannedMovement(found[0], found[1], found[2], found[3], 1.0)
     squares = [_missed(plain, s, one, speed, noise, correlation) for one, speed in zip(angle, paces, strict=True)]
     return plain._replace(inflation=max(1.0, float(np.mean(squares))))
 
@@ -158,5 +160,5 @@ def learn_movement(
 def _missed(plain, s, angle, speed, noise, correlation) -> float:
     """Mean square of a stretch's whitened angles at s > 0."""
     K = plain.covariance(s, speed, noise, correlation).reshape(angle.size, -1)
-    white = np.linalg.solve(np.linalg.cholesky(K), angle.ravel()).reshape(angle.shape)
+    white = solve_triangular(np.linalg.cholesky(K), angle.ravel(), lower=True).reshape(angle.shape)
     return float(np.mean(white[s > 0.0] ** 2))

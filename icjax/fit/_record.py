@@ -118,11 +118,14 @@ class FitRecord(eqx.Module):
     variability: Float[Real, "process joint"] = labelled(
         "process", "joint", unit="rad or m", doc="of a repetition about the intended movement: fast, slow"
     )
-    inflation: float = static()  # of that variance
-    planned_movement: Float[Real, "quantity joint"] = labelled(
-        "quantity", "joint", unit="s, s, rad", doc="of what trials without catch trials planned: reach, length, tremor"
+    noise: Float[Real, " joint"] = labelled(
+        "joint", unit="1", doc="factor of the instruments' standard deviation, learnt from repetitions"
     )
-    planned_inflation: float = static()  # of that variance
+    inflation: float = static()  # of that variance and the noise
+    planned_movement: Float[Real, "quantity joint"] = labelled(
+        "quantity", "joint", unit="s, s, rad, 1", doc="of trials without catch trials: reach, length, tremor, noise"
+    )
+    planned_inflation: float = static()  # of that variance and the noise
     paper: JointCompliance
     options: str = static()  # JSON text
     provenance: str = static()  # JSON text

@@ -83,9 +83,9 @@ def fit_session(
     made = session_problem(session, options)
     found = solve(made.problem, progress=progress, cancelled=cancelled, checkpoint=checkpoint)
     x = found.value.x
-    _, data, prior = linearised(made.problem, x)
+    residual, data, prior = linearised(made.problem, x)
     known = _intervals(np.asarray(data), np.asarray(prior))
-    rows = np.asarray(made.problem.data(x))
+    rows = np.asarray(residual)[: len(data)]
     compared = len(made.dof_names) * sum(len(window.samples) for window in made.windows)
     place = made.problem.parameters.slices["compliance"]
     loads = _loads(made, np.asarray(_deviation(made.problem, x)))

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
 from icjax.typing import Float
@@ -13,6 +14,9 @@ FAST, SLOW = 0.04, 0.3
 TYPICAL = np.radians([0.05, 0.2])
 """rad, amplitudes of both about which the prior lies, within a factor of five."""
 
+NOISE_SD = 0.3
+"""Of the logarithm of `Variability.noise`: how well a recording's own covariance is trusted."""
+
 JITTER = 1e-6
 """rad; added to every sample, far below any marker's noise."""
 
@@ -20,10 +24,13 @@ JITTER = 1e-6
 class Variability(NamedTuple):
     """Variance of a repetition about the intended movement: `amplitude` [2, dof], rad, of the fast and slow process.
 
-    `inflation` multiplies the covariance so that repetitions predicted from each other miss as much as it says.
+    - `noise` [dof] multiplies the instrument's standard deviations: what of a stated error moves slowly (a wandering
+      marker) is part of the slow process here, so that less is left for the noise from frame to frame.
+    - `inflation` multiplies the covariance so that repetitions predicted from each other miss as much as it says.
     """
 
     amplitude: Float[np.ndarray, "2 dof"]
+    noise: Float[np.ndarray, " dof"]
     inflation: float
 
 
@@ -57,7 +64,7 @@ def covariance(
     count, dofs = len(s), len(noise)
     lag = s[:, None] - s[None, :]
     fast, slow = matern(lag, FAST), matern(lag, SLOW)
-    full = np.einsum("st,ij->sitj", correlation, noise)
+    full = np.einsum("st,ij->sitj", correlation, noise * np.outer(variability.noise, variability.noise))
     for joint in range(dofs):
         a, b = variability.amplitude[:, joint] ** 2
         full[:, joint, :, joint] += a * fast + b * slow
@@ -73,7 +80,7 @@ def learn(
     shift_sd: float,
     onset: float = 0.0,
 ) -> Variability:
-    """Amplitudes of greatest posterior density from differences of repetitions, then how well they predict.
+    """Amplitudes and noise of greatest posterior density from differences of repetitions, then how well they predict.
 
     A difference of two has twice the covariance. Joints are taken one by one. `inflation` is the mean square of the
     whitened differences after s = `onset` given those before, at least one.
@@ -83,7 +90,8 @@ def learn(
     if not curves:
         raise ValueError("no stretch in which a trial and a repetition, or two repetitions, are free of contact")
     dofs = len(noise)
-    amplitude = np.empty((2, dofs))
+    found = np.empty((3, dofs))
+    centre, width = np.log([*TYPICAL, 1.0]), np.array([np.log(5.0), np.log(5.0), NOISE_SD])
     for joint in range(dofs):
         parts = [
             _one_joint(curve, joint, noise[joint, joint], rho, shift_sd)
@@ -91,32 +99,29 @@ def learn(
         ]
 
         def cost(x, parts=parts):
-            a, b = np.exp(2 * x)
-            total, gradient = (
-                0.5 * np.sum(((x - np.log(TYPICAL)) / np.log(5.0)) ** 2),
-                (x - np.log(TYPICAL)) / np.log(5.0) ** 2,
-            )
-            for y, fast, slow, rest in parts:
-                K = 2.0 * (a * fast + b * slow) + rest
+            scale = 2.0 * np.exp(2.0 * x)
+            total, gradient = 0.5 * np.sum(((x - centre) / width) ** 2), (x - centre) / width**2
+            for y, kernels, rest in parts:
+                K = np.tensordot(scale, kernels, 1) + rest
                 inverse = np.linalg.inv(K)
                 z = inverse @ y
                 total += 0.5 * (y @ z + np.linalg.slogdet(K)[1])
-                W = inverse - np.outer(z, z)
-                gradient = gradient + np.array([2.0 * a * np.sum(W * fast), 2.0 * b * np.sum(W * slow)])
+                gradient = gradient + scale * np.tensordot(kernels, inverse - np.outer(z, z), 2)
             return total, gradient
 
-        found = minimize(cost, np.log(TYPICAL), jac=True, method="L-BFGS-B", bounds=[(-14.0, 0.0)] * 2)
-        amplitude[:, joint] = np.exp(found.x)
-    plain = Variability(amplitude, 1.0)
-    return Variability(amplitude, max(1.0, _missed(curves, plain, noise, correlations, shift_sd, onset)))
+        bounds = [(-14.0, 0.0), (-14.0, 0.0), (-2.0, 2.0)]
+        found[:, joint] = np.exp(minimize(cost, centre, jac=True, method="L-BFGS-B", bounds=bounds).x)
+    plain = Variability(found[:2], found[2], 1.0)
+    return plain._replace(inflation=max(1.0, _missed(curves, plain, noise, correlations, shift_sd, onset)))
 
 
 def _one_joint(curve, joint, noise, correlation, shift_sd):
     lag = curve.s[:, None] - curve.s[None, :]
-    rest = 2.0 * noise * correlation + JITTER**2 * np.eye(len(curve.s))
+    """Difference, kernels of the two processes and the noise, and what is known of its covariance."""
+    rest = JITTER**2 * np.eye(len(curve.s))
     for rate in curve.rates:
         rest = rest + shift_sd**2 * np.outer(rate[:, joint], rate[:, joint])
-    return curve.difference[:, joint], matern(lag, FAST), matern(lag, SLOW), rest
+    return curve.difference[:, joint], np.stack([matern(lag, FAST), matern(lag, SLOW), noise * correlation]), rest
 
 
 def _missed(curves, variability, noise, correlations, shift_sd, onset) -> float:
@@ -126,7 +131,8 @@ def _missed(curves, variability, noise, correlations, shift_sd, onset) -> float:
         K = 2.0 * covariance(curve.s, variability, noise, rho).reshape(curve.difference.size, -1)
         for rate in curve.rates:
             K = K + shift_sd**2 * np.outer(rate.ravel(), rate.ravel())
-        white = np.linalg.solve(np.linalg.cholesky(K), curve.difference.ravel()).reshape(curve.difference.shape)
+        white = solve_triangular(np.linalg.cholesky(K), curve.difference.ravel(), lower=True)
+        white = white.reshape(curve.difference.shape)
         after = curve.s > onset  # whitening in the order of time conditions every sample on those before
         squares, count = squares + float(np.sum(white[after] ** 2)), count + int(np.sum(after)) * white.shape[1]
     return squares / count if count else 1.0

@@ -178,15 +178,21 @@ def _processes(fit: FitRecord) -> list[str]:
         fast, slow = np.degrees(np.asarray(fit.variability))
         spread = [f"{joint} {a:.2g}° and {b:.2g}°" if kind != "slide" else joint
                   for (joint, kind), a, b in zip(joints, fast, slow, strict=True)]  # fmt: skip
-        lines.append(f"Repetitions scatter about what was intended by (tremor and slow wandering): {', '.join(spread)}."
+        lines.append(f"Repetitions scatter about what was intended by (tremor and slow wandering): {', '.join(spread)};"
+                     f" noise from frame to frame is {_times(fit.noise)} what the recording states."
                      + _multiplied(fit.inflation))  # fmt: skip
     if np.isfinite(np.asarray(fit.planned_movement)).any():
-        reach, length, _ = np.asarray(fit.planned_movement)
+        reach, length = np.asarray(fit.planned_movement)[:2]
         spread = [f"{joint} {a:.2g} s, {b:.2g} s" for (joint, _), a, b in zip(joints, reach, length, strict=True)]
         lines.append("Planned movement changes by so many seconds of its own pace (root mean square), within a time "
                      f"of: {', '.join(spread)}. All contacts together may do so once more in the same way."
                      + _multiplied(fit.planned_inflation))  # fmt: skip
     return lines
+
+
+def _times(factor: Any) -> str:
+    low, high = float(np.min(factor)), float(np.max(factor))
+    return f"{low:.2g} times" if high - low < 0.05 else f"{low:.2g} to {high:.2g} times"
 
 
 def _multiplied(inflation: float) -> str:

@@ -176,7 +176,7 @@ def test_bad_designs(planned):
     with pytest.raises(ValueError, match="no compliant joint"):
         design(dataclasses.replace(MODEL, compliance=np.zeros(4)), [TAP])
     with pytest.raises(ValueError, match="amplitude"):
-        design(MODEL, [TAP], variability=Variability(np.ones((2, 3)), 1.0))
+        design(MODEL, [TAP], variability=Variability(np.ones((2, 3)), np.ones(3), 1.0))
     for contacts in (0, -1.0, math.nan):
         with pytest.raises(ValueError, match=f"contacts = {contacts}"):
             planned.expected([0], contacts=contacts)

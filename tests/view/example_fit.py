@@ -47,8 +47,9 @@ def make_fit(name: str = "session", refused: tuple[str, ...] = ("", REASON)) -> 
         ),
         windows=windows,
         variability=np.radians([[0.05, 0.06], [0.3, 0.4]]),
+        noise=np.array([0.8, 0.9]),
         inflation=1.2,
-        planned_movement=np.full((3, len(JOINTS)), np.nan),
+        planned_movement=np.full((4, len(JOINTS)), np.nan),
         planned_inflation=1.0,
         paper=JointCompliance(
             joint_names=JOINTS,
