@@ -58,6 +58,9 @@ class Fit:
         checkpoint = path.with_suffix(f".{_key(session, options)}.checkpoint")
         self._prepare(checkpoint)
         steps = Steps(3)
+        # Before the fit, which would be lost if it were interrupted here.
+        with steps.step("the paper's estimate of the same session") as progress:
+            paper = next(estimates(session, None, progress, (session.trials()[0].name,))).summary
         with steps.step("fit to the response after contact") as progress:
             try:
                 fit = fit_session(session, options, lambda now: progress(_done(now), _told(now)), checkpoint=checkpoint)
@@ -65,8 +68,6 @@ class Fit:
                 if checkpoint.is_file():
                     print("icjax: the steps taken are kept; --resume goes on from there", file=sys.stderr)
                 raise
-        with steps.step("the paper's estimate of the same session") as progress:
-            paper = next(estimates(session, None, progress, (session.trials()[0].name,))).summary
         with steps.step("reference trajectory with its band"):
             record = fit_record(fit, session, paper)
             record.save(path)

@@ -19,7 +19,7 @@ BLOCK = 256
 
 FREQUENCIES = (1.0, 2.0, 4.0, 7.0, 12.0, 20.0, 40.0)
 RATIOS = (0.3, 0.7, 1.5)
-"""Hz and damping ratios of an arm, a rest or a table that are tried."""
+"""Hz and damping ratios of the springs of which an arm, a rest or a table is made up."""
 
 LINES = 20.0
 """Hz below which angles vary; what is sampled more often is not independent."""
@@ -58,14 +58,15 @@ class Pushed(NamedTuple):
 
 
 def pushed(aside: list[np.ndarray], force: list[np.ndarray], rate: float) -> list[Pushed]:
-    """What of `aside` follows from the contact force: each coordinate d a damped spring moved by all of them,
+    """What of `aside` follows linearly from the contact force: a sum of damped springs d_s moved by all its components,
 
-        d'' = w^2 (sum_k c_k f_k - d) - 2 z w d',
+        d = sum_s d_s,    d_s'' = w_s^2 (sum_k c_sk f_k - d_s) - 2 z_s w_s d_s',
 
-    from rest. Differentiating the measured d twice would give noise that the angles of the fitted joints share (their
-    markers are the same), and fits mistake that for inertia. c is the mean of a linear regression over all windows with
-    a normal prior, a constant and a slope of every window left out; w, z and the prior's width are those of greatest
-    evidence, so that what the force does not explain counts for nothing.
+    from rest, w_s and z_s fixed (`FREQUENCIES`, `RATIOS`), so that any damped linear mechanism between contact and
+    forearm is near. Differentiating the measured d twice instead would give noise that the angles of the fitted joints
+    share (their markers are the same), and fits mistake that for inertia. c is the mean of a linear regression over all
+    windows with a normal prior of the width of greatest evidence, a constant and a slope of every window left out: what
+    the force does not explain counts for nothing.
 
     **Arguments**: of every window `aside` [frame, rest], and `force` [frame, rest] generalised forces of the contact on
     the same coordinates; `rate` Hz.
@@ -98,7 +99,7 @@ def pushed(aside: list[np.ndarray], force: list[np.ndarray], rate: float) -> lis
 def _followed(force: np.ndarray, w: float, z: float, rate: float) -> Pushed:
     """Springs of unit compliance, by the bilinear rule."""
     den = np.array([1.0, 2.0 * z * w, w**2])
-    d, v = (lfilter(*bilinear(np.array(num), den, rate), force, axis=0) for num in ([w**2], [w**2, 0.0]))
+    d, v = (np.asarray(lfilter(*bilinear(np.array(num), den, rate), force, axis=0)) for num in ([w**2], [w**2, 0.0]))
     return Pushed(d, v, w**2 * (force - d) - 2.0 * z * w * v)
 
 

@@ -56,14 +56,18 @@ def _findings(fit: FitRecord) -> Iterator[tuple[str, str]]:
     residual = fit.windows.residual[np.isfinite(fit.windows.residual)]
     if residual.size and not np.isclose(np.mean(residual**2), fit.chi2, rtol=1e-6):
         yield "error", f"chi2 is {fit.chi2:.3g}, the mean square of the residuals {np.mean(residual**2):.3g}"
-    if not USUAL[0] <= fit.chi2 <= USUAL[1]:
-        yield (
-            "suspicious",
-            f"chi2 is {fit.chi2:.3g}, far from 1: noise, repetitions or the model are not as assumed, and "
-            f"intervals are too {'narrow' if fit.chi2 > 1 else 'wide'}",
-        )
-    for text in (*fit.warnings, *far_from_prior(fit)):
+    for text in (*fit.warnings, *unusual_chi2(fit), *far_from_prior(fit)):
         yield "suspicious", text
+
+
+def unusual_chi2(fit: FitRecord) -> tuple[str, ...]:
+    """A line where the residuals are far larger or smaller than was assumed."""
+    if USUAL[0] <= fit.chi2 <= USUAL[1]:
+        return ()
+    return (
+        f"chi2 is {fit.chi2:.3g}, far from 1: noise, repetitions or the model are not as assumed, and "
+        f"intervals are too {'narrow' if fit.chi2 > 1 else 'wide'}",
+    )
 
 
 def far_from_prior(fit: FitRecord) -> tuple[str, ...]:

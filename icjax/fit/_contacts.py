@@ -6,11 +6,12 @@ import numpy as np
 
 from icjax.fit._carried import carried_torque, pushed, rest_of
 from icjax.fit._dynamic import Common, DynamicEquilibrium, whitener
+from icjax.fit._inertia import inertia_along
 from icjax.fit._options import FitOptions
 from icjax.fit._planned_movement import PlannedMovement, free_stretches, learn_movement, pace
 from icjax.fit._repetitions import Repetition
 from icjax.fit._variability import Curve, Variability, covariance, learn
-from icjax.fit._windows import Motion, inertia_along, smoothed
+from icjax.fit._windows import Motion, smoothed
 
 SMEAR = 0.024
 """s before the onset in which the filter already shows the contact."""

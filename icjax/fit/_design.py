@@ -10,13 +10,14 @@ import numpy as np
 
 from icjax.estimation import compliant_dofs
 from icjax.fit._expected_contact import angle_errors, movement, touch_of
+from icjax.fit._inertia import linear_inertia, segment_groups
 from icjax.fit._options import FitOptions
 from icjax.fit._parameters import Parameters
 from icjax.fit._planned import BLOCK, Plan, jacobians
 from icjax.fit._probe import Instruments, Probe, check_probe
 from icjax.fit._session import LEAST_EVENTS, _parameters
 from icjax.fit._variability import TYPICAL, Variability
-from icjax.fit._windows import POINT_SD, _coordinates, linear_inertia, segment_groups
+from icjax.fit._windows import POINT_SD, _coordinates
 from icjax.inference import QUANTILE, jacobian, laplace
 from icjax.model import Model, neutral
 from icjax.running import on_full_blocks
@@ -65,10 +66,12 @@ class Design:
 
         **Arguments**: `contacts` in all, shared evenly; default each probe's own.
 
-        **Errors**: `ValueError` for no probe or a number that is none's.
+        **Errors**: `ValueError` for no probe or a number that is none's, and for `contacts` that are not above zero.
         """
         if not len(chosen) or any(not 0 <= item < len(self.probes) for item in chosen):
             raise ValueError(f"chosen = {list(chosen)}: must be numbers of probes, 0 to {len(self.probes) - 1}")
+        if contacts is not None and not (contacts > 0 and np.isfinite(contacts)):
+            raise ValueError(f"contacts = {contacts}: must be above zero and finite")
         times = [self.probes[item].contacts if contacts is None else contacts / len(chosen) for item in chosen]
         data = np.concatenate([np.sqrt(n) * self.factor[item] for item, n in zip(chosen, times, strict=True)])
         known = laplace(data, self.prior, scale=1.0 / np.linalg.norm(self.prior, axis=0))

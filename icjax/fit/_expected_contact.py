@@ -106,14 +106,22 @@ def contact_force(
 
     **Arguments**: `inertia` G, N and M (armature included) [dof, dof]; `frames` of `step` s.
 
+    **Errors**: `ValueError` for a pad on which the tip would swing faster than the steps can follow.
+
     Source of the law of friction: Cundall and Strack 1979.
     """
     J, normal = touch.jacobian, np.asarray(probe.normal)
+    G, N, M = inertia
     parts = int(np.ceil(step / LONGEST_STEP))
     h = step / parts
+    stiffest = 1.0 / (LONGEST_STEP**2 * np.linalg.norm(J @ np.linalg.solve(M, J.T), 2))
+    if touch.stiffness > stiffest:
+        raise ValueError(
+            f"probe {probe.name!r}: pad_stiffness = {touch.stiffness:.3g} N/m: its contact can be simulated up to "
+            f"{stiffest:.2g}, which is rigid as far as joints can tell"
+        )
     depth, speed = intended(probe, (np.arange(parts * frames) + 0.5) * h)
     K = np.diag(1.0 / compliance)
-    G, N, M = inertia
     S, D = G + K, N + damping_time * K
     inverse = np.linalg.inv(M + 0.5 * h * D + 0.25 * h**2 * S)
     slide = speed[:, None] / probe.speed * _slide(probe)

@@ -3,8 +3,16 @@
 import dataclasses
 import math
 
-LONGEST_AFTER = 1.0
-"""s; ten times the delay of a spinal reflex."""
+from icjax.inference import QUANTILE
+
+RANGES = {
+    "after": (0.03, 1.0),
+    "before": (0.05, 2.0),
+    "settle": (0.0, 2.0),
+    "spacing": (0.0, 0.03),
+    "shift_sd": (0.0, 0.2),
+}
+"""s. Less before or after a contact tells nothing, more is another movement; outside, milliseconds are likely meant."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,7 +30,9 @@ class FitOptions:
     - `after`: s after the onset that are compared; `before`: s before it, which hold the repetitions against the trial;
       `settle`: s after a release in which the last contact still rings.
     - `spacing`: s between compared samples; markers are filtered at 20 Hz, closer ones say nothing new.
-    - `compliance_sd`: of log C about the model's own value (or `typical_compliance` rad/Nm where it states none).
+    - `compliance_sd`: of log C about the model's own value (or `typical_compliance` rad/Nm where it states none); at
+      least twice the standard deviation that `widest` allows, log(widest) / 1.96, so that no joint gets the prior's
+      number.
     - `damping_time`, `damping_time_sd`: s, B = T / C, and the deviation of log T.
     - `inertia_sd`: of the logarithm of a segment's mass (its inertia with it).
     - `shift_sd`: s, by which a repetition's movement may start earlier or later.
@@ -48,7 +58,14 @@ class FitOptions:
             value = getattr(self, field.name)
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{field.name} = {value}: must be above zero and finite")
-        if self.after > LONGEST_AFTER:
-            raise ValueError(f"after = {self.after}: at most {LONGEST_AFTER:g} s (reflexes act after 0.1 s)")
+        for name, (least, most) in RANGES.items():
+            if not least <= getattr(self, name) <= most:
+                raise ValueError(f"{name} = {getattr(self, name)} s: must be {least:g} to {most:g} s")
         if self.widest <= 1.0:
             raise ValueError(f"widest = {self.widest}: must be above 1")
+        least = math.log(self.widest) / QUANTILE
+        if self.compliance_sd < least:
+            raise ValueError(
+                f"compliance_sd = {self.compliance_sd} with widest = {self.widest}: must be at least {least:.2g}, or a "
+                "joint that the contacts hardly told would get the prior's number"
+            )

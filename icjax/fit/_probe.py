@@ -31,7 +31,8 @@ class Probe:
       rest with least jerk through the surface at `speed`. Default: it keeps its speed.
     - `duration`: s of touch. `contacts`: how often. `friction`: Coulomb coefficient; a dry
       fingertip sticks, which takes load off some joints, so zero is no safe choice.
-    - `pad_stiffness`: N/m, default the pad's own, 750 where the model states none.
+    - `pad_stiffness`: N/m, default the pad's own, 750 where the model states none. A rigid tip: 5000; joints cannot
+      tell it from stiffer ones.
 
     **Errors**: `ValueError` naming the argument and its value.
     """

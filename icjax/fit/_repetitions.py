@@ -10,11 +10,15 @@ from icjax.typing import Float
 LONGEST_SHIFT = 4.0
 """Standard deviations of the shift within which a repetition is looked for."""
 
+LONGEST_GAP = 0.02
+"""s; in a longer gap between frames of a repetition its angles are not known. Markers are filtered at about 20 Hz."""
+
 
 class Repetition(NamedTuple):
     """A repetition on the trial's samples.
 
-    - `angle`, `rate` [sample, dof]: its angles there and their derivative by the shift, rad/s; NaN beyond its ends.
+    - `angle`, `rate` [sample, dof]: its angles there and their derivative by the shift, rad/s; NaN beyond its ends and
+      in gaps.
     - `shift`: s, by which it was read later.
     """
 
@@ -38,8 +42,8 @@ def aligned(
     differences of each joint left out (what varies slowly is no matter of timing). A search on a grid of 2 ms is
     followed by Gauss-Newton steps.
 
-    **Arguments**: `time` s and `repetition` rad of the whole repetition; `at` s and `angle` of the trial's samples;
-    `before` [sample] which of them are free of contact; `noise` rad a joint; `shift_sd` s.
+    **Arguments**: `time` s and `repetition` rad of the whole repetition (four frames at least); `at` s and `angle` of
+    the trial's samples; `before` [sample] which of them are free of contact; `noise` rad a joint; `shift_sd` s.
     """
     spline = make_interp_spline(time, repetition, k=3)
     slope = spline.derivative()
@@ -61,8 +65,10 @@ def aligned(
             difference, rate = ((x - x.mean(axis=0)) / noise for x in (difference, rate))
             gradient = np.sum(difference * rate) + shift / shift_sd**2
             shift -= float(np.clip(gradient / (np.sum(rate**2) + shift_sd**-2), -0.002, 0.002))
-    inside = (at + shift >= time[0]) & (at + shift <= time[-1])
     read = np.clip(at + shift, time[0], time[-1])
+    right = np.clip(np.searchsorted(time, read), 1, len(time) - 1)
+    apart = time[right] - time[right - 1]
+    inside = (read == at + shift) & (apart <= max(LONGEST_GAP, 1.5 * float(np.diff(time).min())))
     return Repetition(
         np.where(inside[:, None], spline(read), np.nan), np.where(inside[:, None], slope(read), np.nan), shift
     )

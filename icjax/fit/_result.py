@@ -84,7 +84,7 @@ def fit_session(
     found = solve(made.problem, progress=progress, cancelled=cancelled, checkpoint=checkpoint)
     x = found.value.x
     residual, data, prior = linearised(made.problem, x)
-    known = laplace(np.asarray(data), np.asarray(prior))
+    known = _intervals(np.asarray(data), np.asarray(prior))
     rows = np.asarray(residual)[: len(data)]
     compared = len(made.dof_names) * sum(len(window.samples) for window in made.windows)
     place = made.problem.parameters.slices["compliance"]
@@ -97,6 +97,11 @@ def fit_session(
     return SessionFit(
         made, found, values, known, joints, float(np.sum(rows**2)) / compared, _warnings(made, found), options
     )
+
+
+def _intervals(data: np.ndarray, prior: np.ndarray) -> Laplace:
+    """`laplace` in units of the priors: a delay in seconds beside logarithms is no blind direction."""
+    return laplace(data, prior, scale=1.0 / np.linalg.norm(prior, axis=0))
 
 
 @eqx.filter_jit
@@ -170,6 +175,13 @@ def _warnings(made: SessionProblem, found: Solution[Minimum]) -> tuple[str, ...]
             f"{alone} of {len(made.windows)} contacts have no catch trial: where the joints would have gone is "
             "foretold from the movement before contact, so intervals are wide; catch trials are what is missing"
         )
+    blind = sorted({name for motion in made.motions.values() for name in motion.recording.normal_only})
+    if blind:
+        said.append(
+            f"{', '.join(blind)}: only the normal force was measured; what friction does to the joints is missing, so "
+            "compliances are wrong by more than their intervals say"
+        )
+    said += made.left_out
     if found.result != RESULTS.solved:
         said.append(f"the fit did not converge in {found.stats['steps']} steps")
     if float(np.abs(np.asarray(found.value.x) - np.asarray(made.problem.parameters.start)).max()) < 1e-6:

@@ -1,5 +1,7 @@
 """A session to a problem: its contacts, its repetitions, and what is not known of subject and instruments."""
 
+import itertools
+from collections import Counter
 from typing import NamedTuple
 
 import numpy as np
@@ -7,11 +9,12 @@ import numpy as np
 from icjax.estimation import compliant_dofs
 from icjax.fit._carried import moved_aside
 from icjax.fit._contacts import SMEAR, Expected, Window, expectation, measured
+from icjax.fit._inertia import segment_groups
 from icjax.fit._options import FitOptions
 from icjax.fit._parameters import Parameter, Parameters
 from icjax.fit._problem import Problem
 from icjax.fit._repetitions import aligned
-from icjax.fit._windows import Motion, contact_frames, motion_of, segment_groups
+from icjax.fit._windows import Motion, contact_frames, motion_of, without_contact
 from icjax.inference import Identity, Log
 from icjax.model import Model
 from icjax.recording import Session
@@ -22,12 +25,18 @@ LEAST_EVENTS = 3
 LEAST_AFTER = 0.03
 """s; a contact that is released sooner tells nothing."""
 
+LEAST_FRAMES = 4
+"""Of a catch trial, through which its angles are interpolated."""
+
 GAIN_SD, DELAY_SD = 0.01, 0.0005
 """Of a calibrated force sensor's gain, and of its clock against the cameras', s."""
 
 
 class SessionProblem(NamedTuple):
-    """What `session_problem` made: the problem, the motions and windows behind it, and what was expected of them."""
+    """What `session_problem` made: the problem, the motions and windows behind it, and what was expected of them.
+
+    `left_out` has a line about contacts that are not compared, and one about catch trials that are not used.
+    """
 
     problem: Problem
     motions: dict[str, Motion]
@@ -35,6 +44,7 @@ class SessionProblem(NamedTuple):
     groups: np.ndarray
     dof_names: tuple[str, ...]
     expected: Expected
+    left_out: tuple[str, ...] = ()
 
 
 def session_problem(session: Session, options: FitOptions | None = None) -> SessionProblem:
@@ -46,9 +56,12 @@ def session_problem(session: Session, options: FitOptions | None = None) -> Sess
     once for each contact, and once more for what all contacts of the session may have in common (`Common`): a subject
     who always brakes at the surface. Intervals are as wide as that leaves them.
 
-    **Errors**: `ValueError` for a session without trials or contact forces, with trials of different models or rates,
-    with fewer than `LEAST_EVENTS` usable contacts, a torque that never varies, or neither catch trials nor free
-    movement to learn from.
+    Catch trials count where they know the pose and nothing touches. A contact that cannot be compared (too short, no
+    free movement before it, gaps, catch trials that end before it) is left out.
+
+    **Errors**: `ValueError` for a session without trials, contact forces, poses or masses, with trials of different
+    models, contacts or rates, with a catch trial that is a copy, with fewer than `LEAST_EVENTS` usable contacts, a
+    torque that never varies, or neither catch trials nor free movement to learn from.
     """
     options = options or FitOptions()
     trials = session.trials()
@@ -59,28 +72,32 @@ def session_problem(session: Session, options: FitOptions | None = None) -> Sess
         raise ValueError(f"session {session.name!r}: its model has no compliant joint")
     catches = {trial.name: session.catch_trials(trial.name) for trial in trials}
     motions = {trial.name: motion_of(trial, dofs) for trial in trials}
-    used = [motion_of(item, dofs) for name in catches for item in catches[name]]
-    of = {name: [item for item in used if item.recording.catch_of == name] for name in catches}
-    windows = [
-        window
+    repetitions = {
+        name: [without_contact(motion_of(item, dofs), SMEAR, options.settle) for item in catches[name]]
+        for name in catches
+    }
+    found = [
+        _window(motion, event, repetitions[name], options)
         for name, motion in motions.items()
         for event in range(len(motion.recording.events.onset))
-        if (window := _window(motion, event, of[name], options)) is not None
     ]
+    windows = [item for item in found if isinstance(item, Window)]
+    left_out = _left_out(found, repetitions)
     if len(windows) < LEAST_EVENTS:
         raise ValueError(
-            f"session {session.name!r}: {len(windows)} contacts with {LEAST_AFTER:g} s of touch and free movement "
-            f"before it; a fit needs {LEAST_EVENTS}"
+            f"session {session.name!r}: {len(windows)} contacts that can be compared, a fit needs {LEAST_EVENTS}; "
+            f"{'; '.join(left_out) or 'there are no others'}"
         )
-    moved = max(float(np.ptp(motions[w.trial].torque[w.first : w.last + 1])) for w in windows)
-    if moved < 1e-6:
-        raise ValueError(f"session {session.name!r}: the contact torque never varies ({moved:.1e} Nm)")
+    varied = max(float(np.ptp(motions[w.trial].torque[w.first : w.last + 1], axis=0).max()) for w in windows)
+    if varied < 1e-6:
+        raise ValueError(f"session {session.name!r}: the contact torque never varies ({varied:.1e} Nm)")
     groups, segments = segment_groups(model, dofs)
     expected = expectation(windows, motions, options)
     measurement = measured(windows, motions, groups, expected, options)
     names = tuple(model.dof_names[dof] for dof in dofs)
     parameters = _parameters(model, dofs, segments, next(iter(motions.values())).offset_names, options)
-    return SessionProblem(Problem(parameters, (measurement,)), motions, tuple(windows), groups, names, expected)
+    problem = Problem(parameters, (measurement,))
+    return SessionProblem(problem, motions, tuple(windows), groups, names, expected, left_out)
 
 
 def _check(session: Session, trials) -> None:
@@ -94,6 +111,8 @@ def _check(session: Session, trials) -> None:
     for item in session.recordings:
         if item.role not in ("trial", "catch"):
             continue
+        if len(item.time) < 2:
+            raise ValueError(f"{item.role} {item.name!r}: {len(item.time)} frames")
         if item.model.dof_names != first.model.dof_names:
             raise ValueError(f"{item.role} {item.name!r}: its model differs from that of {first.name!r}")
         if abs(item.rate - first.rate) > 1e-3 * first.rate:
@@ -101,18 +120,37 @@ def _check(session: Session, trials) -> None:
                 f"{item.role} {item.name!r}: {item.rate:g} frames a second, {first.name!r} has {first.rate:g}"
             )
 
+    for trial in trials:
+        if trial.contact_names != first.contact_names:
+            raise ValueError(
+                f"trial {trial.name!r}: its contacts are {', '.join(trial.contact_names)}, those of {first.name!r} "
+                f"{', '.join(first.contact_names)}"
+            )
+        for one, other in itertools.combinations((trial, *session.catch_trials(trial.name)), 2):
+            if np.array_equal(one.q, other.q, equal_nan=True):
+                raise ValueError(
+                    f"catch {other.name!r} holds the same angles as {one.role} {one.name!r}: a copy is no repetition"
+                )
 
-def _window(motion: Motion, event: int, catches: list[Motion], options: FitOptions) -> Window | None:
+
+def _window(motion: Motion, event: int, catches: list[Motion], options: FitOptions) -> Window | str:
+    """The window of a contact, or what is wrong with it."""
     first, onset, last = contact_frames(motion, event, options)
     rate = motion.recording.rate
     least_before = 2 * SMEAR * rate
-    if last - onset < LEAST_AFTER * rate or onset - first < least_before or not motion.valid[first : last + 1].all():
-        return None
+    if last - onset < LEAST_AFTER * rate:
+        return f"touch for less than {LEAST_AFTER:g} s"
+    if onset - first < least_before:
+        return f"begin within {options.settle + 2 * SMEAR:.2g} s of another contact's end, or at the recording's start"
+    if not motion.valid[first : last + 1].all():
+        return "have frames without pose or force"
     stride = max(1, round(options.spacing * rate))
     samples = np.arange(first, last + 1, stride)
     time = np.asarray(motion.recording.time)
     found, shifted = [], []
     for catch in catches:
+        if catch.valid.sum() < LEAST_FRAMES:
+            continue
         repetition = aligned(
             np.asarray(catch.recording.time)[catch.valid],
             catch.angle[catch.valid],
@@ -126,9 +164,21 @@ def _window(motion: Motion, event: int, catches: list[Motion], options: FitOptio
             found.append(repetition)
             shifted.append((catch, repetition.shift))
     if catches and not found:
-        return None
+        return "have no catch trial that lasts as long, without gap or touch"
     aside = moved_aside(motion, shifted, np.arange(first, last + 1))
     return Window(motion.recording.name, event, first, onset, last, samples, tuple(found), aside)
+
+
+def _left_out(found: list[Window | str], repetitions: dict[str, list[Motion]]) -> tuple[str, ...]:
+    """How many contacts are not compared, and why; at how many of the others a catch trial is missing."""
+    why = Counter(item for item in found if isinstance(item, str))
+    told = "; ".join(f"{count} {reason}" for reason, count in why.items())
+    lines = [f"{why.total()} of {len(found)} contacts are left out: {told}"] if told else []
+    windows = [item for item in found if isinstance(item, Window)]
+    short = sum(len(item.repetitions) < len(repetitions[item.trial]) for item in windows)
+    if short:
+        lines.append(f"{short} contacts are without one of their catch trials, which ends before, has a gap or touches")
+    return tuple(lines)
 
 
 def _parameters(model: Model, dofs, segments, offsets, options: FitOptions) -> Parameters:

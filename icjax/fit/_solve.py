@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
+from zipfile import BadZipFile
 
 import equinox as eqx
 import jax
@@ -90,7 +91,7 @@ def solve(
     begin, steps, evaluations, first = time.perf_counter(), 0, 0, 0
     result = RESULTS.solved
     if checkpoint is not None and Path(checkpoint).is_file():
-        first, x = _read(Path(checkpoint), size)
+        first, x = _read(Path(checkpoint), size, len(stages))
     run = bounded if solver == "lbfgsb" else _stepwise
     for number, stage in enumerate(stages):
         if number < first:
@@ -236,14 +237,16 @@ def _write(path: Path, stage: int, x: np.ndarray) -> None:
         Path(temporary).unlink(missing_ok=True)
 
 
-def _read(path: Path, size: int) -> tuple[int, jax.Array]:
+def _read(path: Path, size: int, stages: int) -> tuple[int, jax.Array]:
     try:
-        with np.load(path) as stored:
+        with path.open("rb") as file, np.load(file) as stored:
             stage, x = int(stored["stage"]), np.asarray(stored["x"])
-    except (OSError, ValueError, KeyError, EOFError) as error:
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise ValueError(f"checkpoint {path} cannot be read: {error}; remove it to start anew") from error
     if x.shape != (size,):
         raise ValueError(
             f"checkpoint {path} has {x.size} numbers, this problem {size}; it belongs to another: remove it"
         )
+    if not 0 <= stage < stages:
+        raise ValueError(f"checkpoint {path} is of stage {stage}, there are {stages}; it belongs to another: remove it")
     return stage, jnp.asarray(x)

@@ -4,7 +4,7 @@ from textwrap import wrap
 
 import numpy as np
 
-from icjax.fit._check_fit import far_from_prior
+from icjax.fit._check_fit import far_from_prior, unusual_chi2
 from icjax.fit._record import FitRecord
 
 WIDTH = 110
@@ -40,7 +40,7 @@ def fit_text(record: FitRecord) -> str:
         f"{len(record.windows.trial)} contacts of {len(record.trials)} trials against {record.catch_trials or 'no'} "
         f"catch trials; chi2 {record.chi2:.2f} (1 where noise and repetitions are as assumed)"
     )
-    for text in (*record.warnings, *far_from_prior(record)):
+    for text in (*record.warnings, *unusual_chi2(record), *far_from_prior(record)):
         lines += wrap(f"warning: {text}", WIDTH, subsequent_indent="    ")
     return "\n".join(lines)
 

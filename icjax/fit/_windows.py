@@ -13,19 +13,13 @@ from icjax.capture import lowpass
 from icjax.estimation import Motion as SmoothMotion
 from icjax.estimation import body_index, joint_torque, smooth_motion, torque_derivatives
 from icjax.fit._options import FitOptions
-from icjax.model import Model, integrate, inverse_dynamics, neutral
+from icjax.model import Model
 from icjax.recording import Recording
 from icjax.running import on_full_blocks
-from icjax.typing import Float, Real
+from icjax.typing import Float
 
 BLOCK = 512
 """Frames with contact that one compiled call takes."""
-
-INERTIA_EVERY = 0.024
-"""s between the frames at which inertia is computed; posture changes little in that time, between them it is linear."""
-
-MOST_SEGMENTS = 6
-"""Above this many moving segments one common factor scales all masses."""
 
 POINT_SD = 0.5e-3
 """m; how well the place of a force sensor is known in the frame of the cameras, per axis."""
@@ -62,16 +56,20 @@ class Motion(NamedTuple):
 def motion_of(recording: Recording, dofs: tuple[int, ...]) -> Motion:
     """Angles and torque of a recording in one bandwidth.
 
-    **Errors**: `ValueError` for a compliant joint that is no hinge or slide, or a recording without contact forces.
+    A frame is valid where pose and, while something touches, torque are known.
+
+    **Errors**: `ValueError` for a compliant joint that is no hinge or slide, or a recording without a valid frame or
+    without knowledge of how exact its angles are.
     """
     model, columns = recording.model, list(dofs)
     cutoff = _cutoff(recording)
     rate = recording.rate
     coordinates = _coordinates(model, dofs)
+    measured = np.asarray(joint_torque(recording))
     finite: np.ndarray = np.asarray(np.all(np.isfinite(np.asarray(recording.q)), axis=1))
-    valid = np.asarray(recording.valid) & finite
+    valid = np.asarray(recording.valid) & finite & np.isfinite(measured).all(axis=1)
     angle = np.asarray(recording.q)[:, coordinates]
-    every = np.nan_to_num(np.asarray(joint_torque(recording)))
+    every = np.nan_to_num(measured)
     by_offset = _torque_by_offset(recording)[:, columns]
     correlation = np.zeros(len(recording.time))
     correlation[0] = 1.0
@@ -82,7 +80,7 @@ def motion_of(recording: Recording, dofs: tuple[int, ...]) -> Motion:
         response = np.fft.rfft(lowpass(impulse, rate, cutoff))
         power = np.fft.irfft(np.abs(response) ** 2)
         correlation = power[: len(recording.time)] / power[0]
-    covariance = np.asarray(recording.q_covariance, float)[valid][:, columns][:, :, columns]
+    noise = _frame_noise(recording, valid, columns)
     offset = recording.q_offset_covariance
     offset = np.diag(np.asarray(recording.q_offset_sd) ** 2) if offset is None else np.asarray(offset)
     places = tuple(f"{contact} {axis}" for contact in recording.contact_names for axis in "xyz")
@@ -90,79 +88,34 @@ def motion_of(recording: Recording, dofs: tuple[int, ...]) -> Motion:
     whole[: model.nv, : model.nv] = offset
     whole[model.nv :, model.nv :] = POINT_SD**2 * np.eye(len(places))
     return Motion(
-        recording, dofs, angle, every[:, columns], np.delete(every, columns, axis=1), by_offset,
-        np.nanmean(covariance, axis=0), correlation, whole,
-        (*model.dof_names, *places), valid,
+        recording, dofs, angle, every[:, columns], np.delete(every, columns, axis=1), by_offset, noise, correlation,
+        whole, (*model.dof_names, *places), valid,
     )  # fmt: skip
 
 
-def linear_inertia(
-    model: Model,
-    groups: np.ndarray,
-    dofs: tuple[int, ...],
-    q: Real,
-    v: Real,
-    a: Real,
-    by: tuple[int, ...] | None = None,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Derivatives of the inverse dynamics by angle, velocity and acceleration, for every group of bodies alone.
-
-    The torque of a movement is linear in the masses, ID = sum_g s_g ID_g, so its derivatives are too. With e the
-    deviation from the contact-free movement, ID(q) - ID(q - e) = A2 e'' + A1 e' + A0 e to first order: the mass matrix,
-    Coriolis and gravity terms.
-
-    **Arguments**: `groups` [body], -1 for bodies that no fitted joint moves; `q`, `v`, `a` `[time, ...]`; `by` degrees
-    of freedom by which is differentiated, default `dofs`.
-
-    **Returns** A0, A1, A2 `[time, group, dof, by]`. Source: Kry and Pai 2006, Eq. 3.
-    """
-    count = int(groups.max()) + 1
-    masks = np.stack([groups == group for group in range(count)]).astype(float)
-    by = tuple(dofs) if by is None else tuple(by)
-    A0, A1, A2 = _derivatives(model, tuple(dofs), by, jnp.asarray(masks), *(jnp.asarray(x) for x in (q, v, a)))
-    return np.asarray(A0), np.asarray(A1), np.asarray(A2)
+def _frame_noise(recording: Recording, valid: np.ndarray, columns: list[int]) -> np.ndarray:
+    """Mean covariance [dof, dof] of the angles over the valid frames that state it."""
+    if not valid.any():
+        raise ValueError(f"{recording.role} {recording.name!r}: no frame has a pose")
+    covariance = np.asarray(recording.q_covariance, float)[valid][:, columns][:, :, columns]
+    stated = np.isfinite(covariance).all(axis=(1, 2))
+    if not stated.any():
+        raise ValueError(
+            f"{recording.role} {recording.name!r}: q_covariance is not finite in any frame; a fit must know how exact "
+            "the angles are"
+        )
+    return covariance[stated].mean(axis=0)
 
 
-@eqx.filter_jit
-def _derivatives(model: Model, dofs: tuple[int, ...], by: tuple[int, ...], masks, q, v, a):
-    rows = np.asarray(dofs)
-    into = jnp.zeros((len(by), model.nv)).at[np.arange(len(by)), np.asarray(by)].set(1.0)
-
-    def at(frame):
-        q, v, a = frame
-
-        def group(mask):
-            part = eqx.tree_at(
-                lambda m: (m.body_mass, m.body_inertia, m.armature),
-                model,
-                (
-                    mask * jnp.asarray(model.body_mass),
-                    mask[:, None, None] * jnp.asarray(model.body_inertia),
-                    jnp.zeros(model.nv),
-                ),
-            )
-
-            def torque(x):
-                dq, dv, da = x @ into
-                return inverse_dynamics(part, integrate(part, q, dq), v + dv, a + da)[rows]
-
-            return jnp.moveaxis(jax.jacfwd(torque)(jnp.zeros((3, len(by)))), 1, 0)
-
-        return jnp.moveaxis(jax.vmap(group)(masks), 1, 0)
-
-    return tuple(jnp.moveaxis(jax.lax.map(at, (q, v, a), batch_size=64), 1, 0))
-
-
-def segment_groups(model: Model, dofs: tuple[int, ...]) -> tuple[np.ndarray, tuple[str, ...]]:
-    """For every body the number of the mass factor that scales it, and the factors' names."""
-    moved: np.ndarray = np.asarray(np.any(model.path_mask[:, list(dofs)], axis=1))
-    moved = moved & (np.asarray(model.body_mass) > 0)
-    groups = np.full(len(model.body_names), -1)
-    if moved.sum() > MOST_SEGMENTS:
-        groups[moved] = 0
-        return groups, ("all segments",)
-    groups[moved] = np.arange(moved.sum())
-    return groups, tuple(model.body_names[body] for body in np.flatnonzero(moved))
+def without_contact(motion: Motion, before: float, after: float) -> Motion:
+    """The same, valid only where nothing touches, nor within `before` s of an onset or `after` s of a release."""
+    recording = motion.recording
+    touched: np.ndarray = np.asarray(np.any(np.asarray(recording.touching), axis=1))
+    if not touched.any():
+        return motion
+    lead, tail = (int(np.ceil(seconds * recording.rate)) for seconds in (before, after))
+    spread = np.convolve(touched, np.ones(lead + tail + 1))[lead : lead + len(touched)] > 0.5
+    return motion._replace(valid=motion.valid & ~spread)
 
 
 def smoothed(motion: Motion) -> SmoothMotion:
@@ -172,35 +125,18 @@ def smoothed(motion: Motion) -> SmoothMotion:
     return smooth_motion(recording.model, recording.time, recording.q, cutoff, motion.valid)
 
 
-def inertia_along(
-    motion: Motion, movement: SmoothMotion, groups: np.ndarray, frames: np.ndarray, by: tuple[int, ...]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A0, A1, A2 of `linear_inertia` at frames of a recording, linear between every `INERTIA_EVERY` s."""
-    stride = max(1, round(INERTIA_EVERY * motion.recording.rate))
-    coarse = np.unique(np.append(np.arange(0, len(frames), stride), len(frames) - 1))
-    q, v, a = (np.asarray(x)[frames[coarse]] for x in movement)
-    lost: np.ndarray = np.asarray(np.any(np.isnan(np.concatenate([q, v, a], axis=1)), axis=1))
-    q = np.where(lost[:, None], np.asarray(neutral(motion.recording.model))[None], q)
-    v, a = (np.where(lost[:, None], 0.0, x) for x in (v, a))
-    A0, A1, A2 = on_full_blocks(
-        partial(linear_inertia, motion.recording.model, groups, motion.dofs, by=by), q, v, a, block=16
-    )
-    count = len(frames)
-    return _between(coarse, A0, count), _between(coarse, A1, count), _between(coarse, A2, count)
-
-
 def contact_frames(motion: Motion, event: int, options: FitOptions) -> tuple[int, int, int]:
     """First frame, frame of the onset and last frame of an event's window.
 
     It begins where nothing has touched for a while and ends with the event; what else touches meanwhile is part of the
-    torque, so that the fingers of a grasp share the window of the first.
+    torque, so that the fingers of a grasp share the window of the first (in order of the events where two touch at
+    the same time).
     """
     recording = motion.recording
     events, rate = recording.events, recording.rate
     onset, release = np.asarray(events.onset, float), np.asarray(events.release, float)
     here, begin = onset[event], float(np.asarray(recording.time)[0])
-    others = np.arange(len(onset)) != event
-    earlier = others & (onset <= here)
+    earlier = (onset < here) | ((onset == here) & (np.arange(len(onset)) < event))
     ended = np.where(np.isnan(release), np.inf, release)
     free_from = np.max(ended[earlier], initial=begin - options.settle) + options.settle
     until = min(ended[event], here + options.after, float(np.asarray(recording.time)[-1]))
@@ -208,15 +144,6 @@ def contact_frames(motion: Motion, event: int, options: FitOptions) -> tuple[int
     first = int(np.ceil((max(here - options.before, free_from) - begin) * rate))
     last = int(np.floor((until - begin) * rate))
     return first, round((here - begin) * rate), last
-
-
-def _between(coarse: np.ndarray, values: np.ndarray, count: int) -> Float[np.ndarray, "time ..."]:
-    """Linear interpolation along the first axis."""
-    from scipy.interpolate import make_interp_spline
-
-    if len(coarse) < 2:
-        return np.repeat(values, count, axis=0)
-    return make_interp_spline(coarse, values, k=1)(np.arange(count))
 
 
 def _torque_by_offset(recording: Recording) -> Float[np.ndarray, "time dof offset"]:

@@ -177,6 +177,12 @@ def test_bad_designs(planned):
         design(dataclasses.replace(MODEL, compliance=np.zeros(4)), [TAP])
     with pytest.raises(ValueError, match="amplitude"):
         design(MODEL, [TAP], variability=Variability(np.ones((2, 3)), np.ones(3), 1.0))
+    for contacts in (0, -1.0, math.nan):
+        with pytest.raises(ValueError, match=f"contacts = {contacts}"):
+            planned.expected([0], contacts=contacts)
+    stiff = dataclasses.replace(TAP, pad_stiffness=1e6)  # widths would be those of a simulation that went astray
+    with pytest.raises(ValueError, match=r"'tap': pad_stiffness = 1e\+06 N/m: its contact can be simulated up to 2"):
+        design(MODEL, [stiff])
     with pytest.raises(ValueError, match="k = 9"):
         planned.best_set(9)
     with pytest.raises(ValueError, match="chosen"):

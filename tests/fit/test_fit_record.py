@@ -2,6 +2,7 @@
 
 import dataclasses
 from pathlib import Path
+from types import SimpleNamespace
 
 import equinox as eqx
 import jax
@@ -13,6 +14,7 @@ from icjax.cli import _fit as verb
 from icjax.cli import main
 from icjax.files import layout_problems
 from icjax.fit import FitOptions, FitRecord, check_fit, contact_free, far_from_prior, fit_record, fit_text
+from icjax.recording import Session
 
 ROUNDING = 1e-12
 """rad; of a few additions of angles in double precision."""
@@ -158,6 +160,33 @@ def test_far_from_the_prior_is_told():
     far = eqx.tree_at(lambda f: f.parameters.nominal, made, np.array([0.5, 20.0, 0.0]))
     (line,) = far_from_prior(far)
     assert line == "'compliance MP' is 0.7 rad/Nm, 3.4 standard deviations of its prior from 20"
+
+
+@pytest.mark.parametrize(("chi2", "words"), [(37.0, "intervals are too narrow"), (0.1, "intervals are too wide")])
+def test_unusual_residuals_are_told(chi2, words):
+    """In the table as by `icjax check`."""
+    odd = dataclasses.replace(make_fit(), chi2=chi2)
+    assert words in fit_text(odd).replace("\n    ", " ")
+    assert any(line.startswith("suspicious: ") and words in line for line in check_fit(odd))
+    assert "chi2 is" not in fit_text(make_fit())
+
+
+def test_nothing_slow_stands_between_fit_and_record(tmp_path, monkeypatch):
+    """Ctrl-C while the paper's estimate is made had lost a finished fit."""
+    session = Session(name="s", subject="", recordings=())
+    monkeypatch.setattr(verb.Fit, "_session", lambda self: (session, tmp_path))
+    monkeypatch.setattr(session.__class__, "trials", lambda self: (SimpleNamespace(name="t"),))
+    asked = []
+
+    def estimates(*arguments):
+        asked.append("paper")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("icjax.estimation.estimates", estimates)
+    monkeypatch.setattr("icjax.fit.fit_session", lambda *arguments, **options: asked.append("fit"))
+    with pytest.raises(KeyboardInterrupt):
+        verb.Fit(Path("recording.nc")).run()
+    assert asked == ["paper"]
 
 
 def test_table_of_the_verb():

@@ -65,7 +65,7 @@ def test_nothing_free_to_learn_from(session):
     for onset in np.asarray(events.onset):
         busy[(time > onset - 0.2) & (time < onset)] = False
     touching = np.asarray(first.touching) | busy[:, None]
-    held = dataclasses.replace(first, touching=touching)
+    held = dataclasses.replace(first, touching=touching, contact_point=np.nan_to_num(first.contact_point))
     with pytest.raises(
         ValueError, match=r"without a catch trial \('trial00'\): 0 stretches of 0.3\d s without contact"
     ):

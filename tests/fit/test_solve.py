@@ -80,9 +80,14 @@ def test_a_checkpoint_of_another_problem(tmp_path):
     np.savez(file, stage=0, x=np.zeros(5))
     with pytest.raises(ValueError, match="belongs to another"):
         solve(decay(), checkpoint=file)
-    file.write_bytes(b"nothing")
-    with pytest.raises(ValueError, match="cannot be read"):
+    np.savez(file, stage=1, x=np.zeros(2))
+    with pytest.raises(ValueError, match="is of stage 1, there are 1"):  # it had passed for solved, without a step
         solve(decay(), checkpoint=file)
+    whole = file.read_bytes()
+    for broken in (b"nothing", whole[: len(whole) // 2]):
+        file.write_bytes(broken)
+        with pytest.raises(ValueError, match="cannot be read"):
+            solve(decay(), checkpoint=file)
 
 
 def test_stages_go_on_from_each_other():

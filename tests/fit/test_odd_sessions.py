@@ -1,0 +1,186 @@
+"""Sessions in which something is wrong: left out and told, or refused in one line."""
+
+import dataclasses
+
+import equinox as eqx
+import numpy as np
+import pytest
+
+from icjax.fit import Minimum, session_problem
+from icjax.fit._options import FitOptions
+from icjax.fit._repetitions import aligned
+from icjax.fit._result import _intervals, _warnings
+from icjax.fit._windows import contact_frames, motion_of, without_contact
+from icjax.recording import ContactEvents
+from icjax.results import RESULTS, Solution
+
+DOFS = (6, 7, 8, 9)
+"""Wrist to DIP."""
+
+FRAMES = ("time", "q", "q_covariance", "valid", "touching", "markers", "marker_residual")
+FRAMES += ("contact_force", "contact_point", "contact_moment")
+
+
+@pytest.fixture(scope="module")
+def small(session):
+    """One trial of three contacts with its two catch trials."""
+    trial = session.trials()[0]
+    return dataclasses.replace(session, recordings=(trial, *session.catch_trials(trial.name)))
+
+
+def changed(session, number, **fields):
+    recordings = list(session.recordings)
+    recordings[number] = dataclasses.replace(recordings[number], **fields)
+    return dataclasses.replace(session, recordings=tuple(recordings))
+
+
+def shortened(recording, frames):
+    return eqx.tree_at(
+        lambda item: [getattr(item, name) for name in FRAMES],
+        recording,
+        [np.asarray(getattr(recording, name))[:frames] for name in FRAMES],
+    )
+
+
+def solved(made):
+    x = made.problem.parameters.start + 1.0
+    return Solution(value=Minimum(x, np.array(0.0), x), result=RESULTS.solved, stats={})
+
+
+def test_nothing_is_left_out(small):
+    made = session_problem(small)
+    assert made.left_out == ()
+    assert [len(window.repetitions) for window in made.windows] == [2, 2, 2]
+
+
+def test_catch_trial_that_touches_is_not_used(small):
+    """Where it touches; the other one is."""
+    trial, catch = small.recordings[0], small.recordings[2]
+    touching = np.array(catch.touching)
+    touching[round((trial.events.onset[0] - trial.time[0]) * trial.rate) :] = True
+    made = session_problem(changed(small, 2, touching=touching))
+    assert [len(window.repetitions) for window in made.windows] == [1, 1, 1]
+    assert made.left_out == (
+        "3 contacts are without one of their catch trials, which ends before, has a gap or touches",
+    )
+    assert made.left_out[0] in _warnings(made, solved(made))
+
+
+def test_force_that_measures_no_friction_is_told(small):
+    """On the plate of the studio, MP came out as 0.385 [0.349, 0.424], and is 0.70."""
+    made = session_problem(changed(small, 0, contact_kinds=("normal",)))
+    (line,) = _warnings(made, solved(made))
+    assert line.startswith("plate: only the normal force was measured")
+
+
+def test_contacts_left_out_are_told(small):
+    trial = small.recordings[0]
+    force = np.array(trial.contact_force)
+    onset = round((trial.events.onset[1] - trial.time[0]) * trial.rate)
+    force[onset + 10 : onset + 20] = np.nan
+    with pytest.raises(ValueError, match=r"2 contacts .* needs 3; 1 of 3 contacts are left out: 1 have frames without"):
+        session_problem(changed(small, 0, contact_force=force))
+    ends = [shortened(item, round(item.rate * 0.5)) for item in small.recordings[1:]]
+    with pytest.raises(ValueError, match=r"3 of 3 contacts are left out: 3 have no catch trial that lasts as long"):
+        session_problem(dataclasses.replace(small, recordings=(trial, *ends)))
+    few = [shortened(item, 3) for item in small.recordings[1:]]
+    with pytest.raises(ValueError, match=r"3 have no catch trial that lasts as long"):
+        session_problem(dataclasses.replace(small, recordings=(trial, *few)))
+
+
+def test_sessions_that_cannot_be_fitted(small):
+    trial, catch = small.recordings[:2]
+    with pytest.raises(ValueError, match="catch 'catch00' holds the same angles as trial 'trial00'"):
+        session_problem(changed(small, 1, q=trial.q))
+    with pytest.raises(ValueError, match="catch 'catch00_2' holds the same angles as catch 'catch00'"):
+        session_problem(changed(small, 2, q=catch.q))
+    with pytest.raises(ValueError, match="catch 'catch00': no frame has a pose"):
+        session_problem(changed(small, 1, valid=np.zeros(len(catch.time), bool)))
+    with pytest.raises(ValueError, match="catch 'catch00': 1 frames"):
+        session_problem(dataclasses.replace(small, recordings=(trial, shortened(catch, 1))))
+    with pytest.raises(ValueError, match="trial 'trial00': q_covariance is not finite"):
+        session_problem(changed(small, 0, q_covariance=np.full_like(trial.q_covariance, np.nan)))
+    other = dataclasses.replace(trial, name="other", contact_names=("glass",))
+    with pytest.raises(ValueError, match="'other': its contacts are glass, those of 'trial00' plate"):
+        session_problem(dataclasses.replace(small, recordings=(trial, other)))
+    nothing = dataclasses.replace(trial.model, body_mass=np.zeros_like(trial.model.body_mass))
+    with pytest.raises(ValueError, match="no body that its compliant joints move has a mass"):
+        session_problem(
+            dataclasses.replace(
+                small, recordings=tuple(dataclasses.replace(item, model=nothing) for item in small.recordings)
+            )
+        )
+
+
+def test_torque_that_never_varies(small, monkeypatch):
+    """Though it differs from joint to joint."""
+    from icjax.fit import _session as made
+
+    real = made.motion_of
+
+    def constant(recording, dofs):
+        motion = real(recording, dofs)
+        return motion._replace(torque=np.tile([0.1, 0.05, 0.02, 0.01], (len(motion.torque), 1)))
+
+    monkeypatch.setattr(made, "motion_of", constant)
+    with pytest.raises(ValueError, match="the contact torque never varies"):
+        session_problem(small)
+
+
+def test_two_contacts_at_one_time_share_a_window(small):
+    """That of the first event; both had been left out."""
+    trial = small.recordings[0]
+    onset, release = (np.repeat(np.asarray(x)[:1], 2) for x in (trial.events.onset, trial.events.release))
+    twice = dataclasses.replace(trial, events=ContactEvents(onset=onset, release=release, contact=np.zeros(2, int)))
+    once, both = (motion_of(item, DOFS) for item in (trial, twice))
+    assert contact_frames(both, 0, FitOptions()) == contact_frames(once, 0, FitOptions())
+    first, onset, _ = contact_frames(both, 1, FitOptions())
+    assert first == onset
+
+
+def test_gap_of_a_repetition_is_not_bridged():
+    time = np.arange(0.0, 2.0, 0.002)
+    angle = np.sin(time)[:, None]
+    kept = (time < 1.0) | (time > 1.1)
+    at = np.arange(0.7, 1.3, 0.008)
+    found = aligned(time[kept], angle[kept], at, np.sin(at)[:, None], at < 0.95, np.array([1e-3]), 0.015)
+    known = np.isfinite(found.angle[:, 0])
+    np.testing.assert_array_equal(
+        known, (at + found.shift <= time[time < 1.0][-1]) | (at + found.shift >= time[time > 1.1][0])
+    )
+    kept[(time > 0.5) & (time < 0.515)] = False  # short enough to interpolate
+    again = aligned(time[kept], angle[kept], at - 0.25, np.sin(at - 0.25)[:, None], at < 0.95, np.array([1e-3]), 0.015)
+    assert np.isfinite(again.angle[at < 1.2]).all()
+
+
+def test_frames_near_a_touch_do_not_count(small):
+    catch = small.recordings[1]
+    touching = np.zeros_like(np.asarray(catch.touching))
+    touching[500:503] = True
+    motion = motion_of(dataclasses.replace(catch, touching=touching), DOFS)
+    valid = without_contact(motion, 0.02, 0.1).valid
+    np.testing.assert_array_equal(np.flatnonzero(~valid), np.arange(490, 553))
+
+
+def test_units_do_not_make_directions_blind():
+    """Of a compliance beside a sensor's delay in s, as hundreds of contacts tell it: all joints had been refused."""
+    found = _intervals(np.diag([0.1, 2e4]), np.diag([1.0, 2e3]))
+    np.testing.assert_allclose(found.sd, [1.01**-0.5, (4e8 + 4e6) ** -0.5])
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"before": 250.0}, "before = 250.0 s: must be 0.05 to 2 s"),
+        ({"before": 0.01}, "before"),
+        ({"after": 0.01}, "after"),
+        ({"settle": 150.0}, "settle"),
+        ({"shift_sd": 15.0}, "shift_sd"),
+        ({"spacing": 8.0}, "spacing"),
+        ({"compliance_sd": 0.1}, "compliance_sd = 0.1 with widest = 4.0: must be at least 0.71"),
+        ({"widest": 100.0}, "with widest = 100.0"),
+    ],
+)
+def test_options_that_cannot_be_meant(options, words):
+    with pytest.raises(ValueError, match=words):
+        FitOptions(**options)
