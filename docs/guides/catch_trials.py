@@ -122,7 +122,7 @@ _ = figure.legend(loc="outside upper center", ncols=5, frameon=False)
 #   what PIP needs to get a number.
 # - Without any, only MP keeps a number, and it is farther from the truth than with catch trials. Everything else gets
 #   bounds, even the wrist, which one catch trial tells within a third.
-# - DIP is refused however many there are. These contacts hardly load it; other contacts would help
+# - PIP and DIP keep wide intervals however many there are. These contacts hardly load them; other contacts would help
 #   ([](design_an_experiment.py)).
 # - The paper's estimator needs no catch trials. Its numbers are off by the factors printed above: right at PIP, a
 #   seventh of the truth at DIP. Its intervals state how its contacts scatter and nothing of that bias; here they are

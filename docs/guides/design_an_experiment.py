@@ -13,8 +13,8 @@
 #
 # Which contacts are worth a subject's time? `design` simulates each kind of contact that might be recorded and says
 # how wide the 95 % interval of every joint would be after the fit. Here it continues a pilot session, that of
-# [](fit_your_recording.py): the finger explored a level plate and DIP got no number. What should be recorded next? The
-# pilot comes from the virtual finger studio; no person was measured.
+# [](fit_your_recording.py): the finger explored a level plate, and the intervals of PIP and DIP span a factor of three.
+# What should be recorded next? The pilot comes from the virtual finger studio; no person was measured.
 
 # %%
 import dataclasses

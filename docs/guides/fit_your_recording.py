@@ -34,7 +34,7 @@ import numpy as np
 
 from icjax import view
 from icjax.capture import capture, check, read_session
-from icjax.fit import FitRecord, check_fit, fit_record, fit_session, fit_text
+from icjax.fit import FitOptions, FitRecord, check_fit, fit_record, fit_session, fit_text
 from icjax.laboratory import record
 from icjax.recording import Session
 
@@ -182,12 +182,13 @@ for name, trade in zip(fit.joint_names, np.nanmedian(fit.windows.correlation, ax
 # %% [markdown]
 # ## A refused joint
 #
-# The reason says what the contacts did to the joint and what is missing:
+# Whoever needs numbers to a factor of two asks for them. The reason says what the contacts did to the joint and what is
+# missing:
 
 # %%
-for name, reason in zip(fit.joint_names, fit.refused, strict=True):
-    if reason:
-        print(textwrap.fill(f"{name}: {reason}", 110))
+for joint in fit_session(session, FitOptions(widest=2.0)).joints:
+    if joint.refused:
+        print(textwrap.fill(f"{joint.name}: {joint.refused}", 110))
 
 # %% [markdown]
 # In this order:
@@ -196,7 +197,7 @@ for name, reason in zip(fit.joint_names, fit.refused, strict=True):
 # 2. Contacts that load the joint: forces that pass far from its axis, another posture, a faster touch.
 #    [](design_an_experiment.py) ranks them before anybody comes.
 # 3. More of the same contacts, if the number asked for is one that a subject can bear.
-# 4. Report the bounds. A larger `widest` gives a number, not knowledge.
+# 4. Report the bounds. A `widest` above four gives a number, not knowledge.
 #
 # ## Your own files
 #
