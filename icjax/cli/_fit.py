@@ -44,6 +44,8 @@ class Fit:
     """How much earlier or later a repetition of the movement may begin, s."""
     widest: float = 4.0
     """A joint is refused where the ends of its interval differ by more than this factor."""
+    profile: bool = False
+    """Find intervals by profile likelihood too: where they differ from the others, those are not to be trusted."""
     resume: bool = False
     """Go on from where an interrupted fit with the same options ended."""
 
@@ -69,7 +71,7 @@ class Fit:
                     print("icjax: the steps taken are kept; --resume goes on from there", file=sys.stderr)
                 raise
         with steps.step("reference trajectory with its band"):
-            record = fit_record(fit, session, paper)
+            record = fit_record(fit, session, paper, profiles=self.profile)
             record.save(path)
         print(fit_text(record))
         if checkpoint.is_file():

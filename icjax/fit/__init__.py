@@ -19,6 +19,8 @@ from icjax.fit._probe import Instruments as Instruments
 from icjax.fit._probe import Probe as Probe
 from icjax.fit._problem import Measurement as Measurement
 from icjax.fit._problem import Problem as Problem
+from icjax.fit._profile import Profile as Profile
+from icjax.fit._profile import profile as profile
 from icjax.fit._read_design import Planned as Planned
 from icjax.fit._read_design import read_design as read_design
 from icjax.fit._record import FitRecord as FitRecord

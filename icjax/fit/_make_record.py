@@ -9,6 +9,7 @@ from icjax import __version__
 from icjax.estimation import estimates
 from icjax.fit._drift import drift
 from icjax.fit._parameters import Parameter
+from icjax.fit._profile import profile
 from icjax.fit._record import FitRecord, FittedParameters, FitWindows
 from icjax.fit._reference import contact_free
 from icjax.fit._result import SessionFit
@@ -18,11 +19,15 @@ from icjax.recording import Session
 from icjax.results import RESULTS
 
 
-def fit_record(fit: SessionFit, session: Session, paper: JointCompliance | None = None) -> FitRecord:
+def fit_record(
+    fit: SessionFit, session: Session, paper: JointCompliance | None = None, *, profiles: bool = False
+) -> FitRecord:
     """What `fit_session` found in a session, with the reference of `contact_free`, ready to be saved.
 
     **Arguments**: `fit` of this `session`; `paper` the summary of `icjax.estimation.estimate` on it, made here if not
-    given.
+    given; `profiles` whether intervals by profile likelihood are made too, a few seconds a joint.
+
+    **Errors**: those of `profile`.
     """
     made = fit.made
     trials = session.trials()
@@ -41,6 +46,7 @@ def fit_record(fit: SessionFit, session: Session, paper: JointCompliance | None 
         upper=np.array([joint.upper for joint in fit.joints]),
         width=np.array([joint.width for joint in fit.joints]),
         learned=np.array([joint.learned for joint in fit.joints]),
+        profile=_profiles(fit) if profiles else np.full((2, count), np.nan),
         refused=tuple(joint.refused for joint in fit.joints),
         chi2=float(fit.chi2),
         result=_result(fit),
@@ -56,6 +62,13 @@ def fit_record(fit: SessionFit, session: Session, paper: JointCompliance | None 
         options=json.dumps(dataclasses.asdict(fit.options)),
         provenance=_provenance(fit, session),
     )
+
+
+def _profiles(fit: SessionFit) -> np.ndarray:
+    problem, x = fit.made.problem, np.asarray(fit.solution.value.x)
+    place = problem.parameters.slices["compliance"]
+    found = [profile(problem, x, index) for index in range(place.start, place.stop)]
+    return np.exp([[item.lower for item in found], [item.upper for item in found]])
 
 
 def _kinds(fit: SessionFit) -> tuple[str, ...]:

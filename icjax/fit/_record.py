@@ -109,6 +109,9 @@ class FitRecord(eqx.Module):
     upper: Float[Real, " joint"] = labelled("joint", unit="rad/Nm")
     width: Float[Real, " joint"] = labelled("joint", unit="1", doc="upper over lower")
     learned: Float[Real, " joint"] = labelled("joint", unit="1", doc="share of the prior variance the data removed")
+    profile: Float[Real, "end joint"] = labelled(
+        "end", "joint", unit="rad/Nm", doc="ends of the interval by profile likelihood; NaN where it was not asked for"
+    )
     refused: tuple[str, ...] = static()
     chi2: float = static()  # mean square of the whitened residuals
     result: str = static()  # of the solver, a name of RESULTS

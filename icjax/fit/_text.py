@@ -33,6 +33,10 @@ def fit_text(record: FitRecord) -> str:
             f"{joint:{name}s} {told:>14s}  {_interval(float(record.lower[index]), float(record.upper[index])):>18s} "
             f"{record.learned[index]:>8.0%}   {cells[0]:>14s}  {cells[1]:>18s}"
         )
+    if np.isfinite(record.profile).any():
+        told = (f"{joint} {_interval(float(a), float(b))}" for joint, a, b in zip(
+            record.joint_names, *np.asarray(record.profile), strict=True))  # fmt: skip
+        lines += wrap(f"by profile likelihood: {', '.join(told)}", WIDTH, subsequent_indent="    ")
     for joint, reason in zip(record.joint_names, record.refused, strict=True):
         if reason:
             lines += wrap(f"{joint} refused: {reason}", WIDTH, subsequent_indent="    ")

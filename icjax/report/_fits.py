@@ -60,6 +60,10 @@ def _fit(number: int, fit: FitRecord, truth: Mapping[str, float], named: bool) -
         "95 % intervals of the fit and of the paper's estimate of the same session. The latter state the scatter of "
         "the contacts, not the bias of the method.",
     )
+    if np.isfinite(np.asarray(fit.profile)).any():
+        ends = zip(fit.joint_names, *np.asarray(fit.profile), strict=True)
+        told = ", ".join(f"{joint} {interval_text(float(low), float(high))}" for joint, low, high in ends)
+        body += paragraph(f"95 % intervals by profile likelihood, all else fitted anew at every value: {told}.")
     shown, left = _drawn(fit)
     body += "<h3>Does it explain what happened?</h3>"
     body += figure(

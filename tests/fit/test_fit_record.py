@@ -22,7 +22,7 @@ ROUNDING = 1e-12
 
 @pytest.fixture(scope="module")
 def recorded(fit, session):
-    return fit_record(fit, session)
+    return fit_record(fit, session, profiles=True)
 
 
 @eqx.filter_jit
@@ -37,6 +37,19 @@ def same(one, other):
     for a, b in zip(leaves, others, strict=True):
         np.testing.assert_array_equal(a, b)
         assert np.asarray(a).dtype == np.asarray(b).dtype
+
+
+@pytest.mark.slow
+def test_profile_intervals(recorded):
+    """Those of Laplace where the joint is told well; both end where the cost is the same, so neither is far."""
+    for index, joint in enumerate(recorded.joint_names[:2]):
+        np.testing.assert_allclose(
+            recorded.profile[:, index], [recorded.lower[index], recorded.upper[index]], rtol=0.04
+        )
+        assert f"{joint} [{recorded.profile[0, index]:.3g}" in fit_text(recorded)
+    assert np.all(recorded.profile[0] < recorded.compliance)
+    assert np.all(recorded.profile[1] > recorded.compliance)
+    assert "profile" not in fit_text(dataclasses.replace(recorded, profile=np.full((2, 4), np.nan)))
 
 
 @pytest.mark.slow

@@ -29,6 +29,7 @@ def make_fit(name: str = "session", refused: tuple[str, ...] = ("", REASON)) -> 
         upper=upper,
         width=upper / lower,
         learned=np.array([0.99, 0.6]),
+        profile=np.full((2, len(JOINTS)), np.nan),
         refused=refused,
         chi2=float(np.mean(residual**2)),
         result="solved",
