@@ -129,4 +129,5 @@ def _done(now) -> float:
 
 
 def _told(now) -> str:
-    return f"step {now.step}, cost {now.cost:.6g}, {now.seconds:.0f} s, at most {now.remaining:.0f} s more"
+    told = f"step {now.step}, cost {now.cost:.6g}, {now.seconds:.0f} s"
+    return told if now.remaining != now.remaining else f"{told}, at most {now.remaining:.0f} s more"  # NaN at the first

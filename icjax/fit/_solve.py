@@ -28,7 +28,8 @@ Solver = Literal["levenberg_marquardt", "bfgs", "lbfgsb"]
 
 
 class Progress(NamedTuple):
-    """What a listener is told after every step: of all stages, `stage` counts from zero; `remaining` s at this pace."""
+    """What a listener is told after every step: of all stages, `stage` counts from zero; `remaining` s if all steps are
+    needed, at the pace of those after the first, which compiles; NaN at the first."""
 
     stage: int
     step: int
@@ -92,6 +93,7 @@ def solve(
     result = RESULTS.solved
     if checkpoint is not None and Path(checkpoint).is_file():
         first, x = _read(Path(checkpoint), size, len(stages))
+    ended: list[float] = []
     run = bounded if solver == "lbfgsb" else _stepwise
     for number, stage in enumerate(stages):
         if number < first:
@@ -105,8 +107,10 @@ def solve(
                 _write(Path(checkpoint), number, np.asarray(x))
             if progress is not None:
                 spent = time.perf_counter() - begin
+                ended.append(spent)
+                pace = (spent - ended[0]) / (len(ended) - 1) if len(ended) > 1 else float("nan")
                 left = (len(stages) - number) * max_steps - step
-                progress(Progress(number, step, cost, spent, spent / (number * max_steps + step) * left))
+                progress(Progress(number, step, cost, spent, pace * left))
 
         x, done, count = run(stage, x, solver, tolerance, max_steps, told, cancelled or (lambda: False))
         steps, evaluations = steps + count, evaluations + count + 1
