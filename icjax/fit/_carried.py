@@ -24,6 +24,12 @@ RATIOS = (0.3, 0.7, 1.5)
 LINES = 20.0
 """Hz below which angles vary; what is sampled more often is not independent."""
 
+WIDTHS = np.geomspace(0.03, 3.0, 21)
+"""Of the prior: root mean square of what the force is expected to move, by that of all that moved."""
+
+MODES = 6
+"""In which the doubt about each coordinate's acceleration is told, and that about the torque of all of them."""
+
 
 def rest_of(motion: Motion) -> tuple[int, ...]:
     """Degrees of freedom that are not fitted: a forearm on its rest, a hand's root."""
@@ -50,35 +56,39 @@ def moved_aside(
 
 
 class Pushed(NamedTuple):
-    """The rest of the body as the contact pushes it: displacement, velocity and acceleration [frame, rest]."""
+    """The rest of the body as the contact pushes it: displacement, velocity and acceleration [frame, rest, ...]."""
 
     aside: np.ndarray
     velocity: np.ndarray
     acceleration: np.ndarray
 
 
-def pushed(aside: list[np.ndarray], force: list[np.ndarray], rate: float) -> list[Pushed]:
+def pushed(aside: list[np.ndarray], force: list[np.ndarray], rate: float) -> tuple[list[Pushed], list[Pushed]]:
     """What of `aside` follows linearly from the contact force: a sum of damped springs d_s moved by all its components,
 
         d = sum_s d_s,    d_s'' = w_s^2 (sum_k c_sk f_k - d_s) - 2 z_s w_s d_s',
 
     from rest, w_s and z_s fixed (`FREQUENCIES`, `RATIOS`), so that any damped linear mechanism between contact and
     forearm is near. Differentiating the measured d twice instead would give noise that the angles of the fitted joints
-    share (their markers are the same), and fits mistake that for inertia. c is the mean of a linear regression over all
-    windows with a normal prior of the width of greatest evidence, a constant and a slope of every window left out: what
-    the force does not explain counts for nothing.
+    share (their markers are the same), and fits mistake that for inertia. c is found by a linear regression over all
+    windows, a constant and a slope of every window left out, with a normal prior whose width is not known: it is
+    averaged over `WIDTHS` by evidence.
 
     **Arguments**: of every window `aside` [frame, rest], and `force` [frame, rest] generalised forces of the contact on
     the same coordinates; `rate` Hz.
+
+    **Returns** of every window the mean [frame, rest], and the doubt about it [frame, rest, rest * `MODES`]: columns of
+    a factor of its covariance, each of one coordinate, those that leave its acceleration least known.
 
     **Source**: evidence of a linear model: MacKay 1992, Bayesian interpolation.
     """
     rest = aside[0].shape[1]
     result = [Pushed(*(np.zeros_like(item) for _ in range(3))) for item in aside]
+    doubt = [Pushed(*(np.zeros((*item.shape, rest * MODES)) for _ in range(3))) for item in aside]
     scale = np.sqrt(np.mean(np.concatenate(force) ** 2, axis=0))
     used = np.flatnonzero(scale > 1e-9)
     if not used.size:
-        return result
+        return result, doubt
     unit = [item[:, used] / scale[used] for item in force]
     springs = [
         _side_by_side([_followed(item, 2.0 * np.pi * hertz, ratio, rate) for hertz in FREQUENCIES for ratio in RATIOS])
@@ -89,11 +99,20 @@ def pushed(aside: list[np.ndarray], force: list[np.ndarray], rate: float) -> lis
         y = np.concatenate([_without_line(item[:, joint : joint + 1]) for item in aside])[:, 0]
         if np.max(np.abs(y)) < 1e-12:
             continue
-        _, c = _regressed(X, y, 2.0 * LINES / rate)
-        for one, window in zip(result, springs, strict=True):
-            for into, part in zip(one, window, strict=True):
+        c, factor = _regressed(X, y, 2.0 * LINES / rate)
+        columns = principal([window.acceleration @ factor for window in springs], MODES)
+        place = slice(joint * MODES, joint * MODES + columns.shape[1])
+        for mean, left, window in zip(result, doubt, springs, strict=True):
+            for into, spread, part in zip(mean, left, window, strict=True):
                 into[:, joint] = part @ c
-    return result
+                spread[:, joint, place] = part @ (factor @ columns)
+    return result, doubt
+
+
+def principal(effects: list[np.ndarray], count: int) -> Float[np.ndarray, "column mode"]:
+    """Orthonormal combinations of columns whose effect [row, column] is largest over all parts."""
+    _, vectors = np.linalg.eigh(np.sum([part.T @ part for part in effects], axis=0))
+    return vectors[:, ::-1][:, :count]
 
 
 def _followed(force: np.ndarray, w: float, z: float, rate: float) -> Pushed:
@@ -114,29 +133,38 @@ def _without_line(values: np.ndarray) -> np.ndarray:
     return values - Q @ (Q.T @ values)
 
 
-def _regressed(X: np.ndarray, y: np.ndarray, share: float) -> tuple[float, np.ndarray]:
-    """Greatest evidence over the prior's width, and the mean of c; only a `share` of the samples is independent."""
-    U, s, Vt = np.linalg.svd(X, full_matrices=False)
-    along, count = U.T @ y, share * len(y)
-    total = y @ y
-    best = (-np.inf, np.zeros(X.shape[1]))
-    for shrink in np.geomspace(1e-6, 1e6, 37) * max(float(s[0]) ** 2, 1e-300):
-        kept = s**2 / (s**2 + shrink)
-        left = total - np.sum(kept * along**2)
-        evidence = -0.5 * count * np.log(left) + 0.5 * np.sum(np.log1p(-kept))
-        if evidence > best[0]:
-            best = float(evidence), Vt.T @ (kept / np.maximum(s, 1e-300) * along)
-    return best
+def _regressed(X: np.ndarray, y: np.ndarray, share: float) -> tuple[np.ndarray, np.ndarray]:
+    """Mean of c and a factor of its covariance; only a `share` of the samples is independent.
+
+    With X = U S V^T, noise of variance s2 in independent samples, a prior of width p and r = s2 / p^2 the posterior of
+    V^T c has the mean S U^T y / (S^2 + r) and the variance s2 / (S^2 + r), S and y those of the share; evidence weighs
+    the widths, and what their means differ by counts as doubt.
+    """
+    U, s, Vt = np.linalg.svd(np.sqrt(share) * X, full_matrices=False)
+    along, count, total = np.sqrt(share) * (U.T @ y), share * len(y), share * float(y @ y)
+    prior = WIDTHS**2 * total / float(np.sum(s**2))
+    kept, left = np.zeros((len(WIDTHS), len(s))), np.full(len(WIDTHS), total)
+    for _ in range(3):  # the noise is what the mean leaves
+        kept = s**2 / (s**2 + (left / count / prior)[:, None])
+        left = total - kept @ along**2
+    evidence = -0.5 * count * np.log(left) + 0.5 * np.sum(np.log1p(-kept), axis=1)
+    weight = np.exp(evidence - np.max(evidence))
+    weight /= weight.sum()
+    means, variances = kept * along / np.maximum(s, 1e-300), (1.0 - kept) * prior[:, None]
+    mean = weight @ means
+    apart = (np.sqrt(weight)[:, None] * (means - mean)).T
+    factor = np.concatenate([np.diag(np.sqrt(weight @ variances)), apart], axis=1)
+    return Vt.T @ mean, Vt.T @ factor
 
 
 def carried_torque(
     parts: tuple[np.ndarray, np.ndarray, np.ndarray], rest: Pushed
-) -> Float[np.ndarray, "frame segment dof"]:
+) -> Float[np.ndarray, "frame segment dof ..."]:
     """Torque that the fitted joints need to go along: A2 d'' + A1 d' + A0 d, Nm for every unit of a mass factor.
 
     **Arguments**: `parts` A0, A1, A2 `[frame, segment, dof, rest]` (`linear_inertia`).
     """
-    return np.sum([np.einsum("tsij,tj->tsi", A, d) for A, d in zip(parts, rest, strict=True)], axis=0)
+    return np.sum([np.einsum("tsij,tj...->tsi...", A, d) for A, d in zip(parts, rest, strict=True)], axis=0)
 
 
 @eqx.filter_jit

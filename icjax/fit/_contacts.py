@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from icjax.fit._carried import carried_torque, pushed, rest_of
+from icjax.fit._carried import MODES, carried_torque, principal, pushed, rest_of
 from icjax.fit._dynamic import Common, DynamicEquilibrium, whitener
 from icjax.fit._inertia import inertia_along
 from icjax.fit._options import FitOptions
@@ -12,6 +12,7 @@ from icjax.fit._planned_movement import PlannedMovement, free_stretches, learn_m
 from icjax.fit._repetitions import Repetition
 from icjax.fit._variability import Curve, Variability, covariance, learn
 from icjax.fit._windows import Motion, smoothed
+from icjax.typing import Float
 
 SMEAR = 0.024
 """s before the onset in which the filter already shows the contact."""
@@ -110,10 +111,11 @@ def measured(
     }
     inertia: list[list[np.ndarray]] = [[], [], []]
     forces = [motions[w.trial].rest_torque[w.first : w.last + 1] for w in windows]
-    rest = pushed([window.aside for window in windows], forces, rate)
+    rest, left = pushed([window.aside for window in windows], forces, rate)
+    doubts = []
     movements = {name: smoothed(motions[name]) for name in dict.fromkeys(w.trial for w in windows)}
     modes = None if expected.movement is None else expected.movement.modes(options.before, options.after)
-    for window, aside in zip(windows, rest, strict=True):
+    for window, aside, doubt in zip(windows, rest, left, strict=True):
         motion = motions[window.trial]
         frames = np.arange(window.first, window.last + 1)
         torque = motion.torque[frames]
@@ -125,6 +127,7 @@ def measured(
             store.append(_filled(part[..., :dofs], length, repeat=True))
         others = parts[0][..., dofs:], parts[1][..., dofs:], parts[2][..., dofs:]
         rows["carried"].append(_filled(carried_torque(others, aside), length))
+        doubts.append(carried_torque(others, doubt))
         y, K = _against_expected(motion, window, expected, options)
         used = np.zeros((count, dofs), bool)
         used[: len(window.samples)] = True
@@ -138,6 +141,8 @@ def measured(
             speeds = np.zeros(dofs) if window.repetitions else pace(s, motion.angle[window.samples])
             effect = _filled(_systematic(modes, s, speeds), count)
             rows["common"].append(rows["W"][-1] @ effect.reshape(count * dofs, -1))
+    columns = principal([part.sum(axis=1).reshape(-1, part.shape[-1]) for part in doubts], MODES)
+    uncertain = np.stack([_filled(part @ columns, length) for part in doubts]) if any(map(np.any, doubts)) else None
     stacked = {key: np.stack(items) for key, items in rows.items() if items}
     common = Common.of(np.concatenate(rows["common"])) if modes else None
     offset = np.linalg.cholesky(first.offset + 1e-18 * np.eye(len(first.offset)))
@@ -145,7 +150,7 @@ def measured(
         "contacts", 1.0 / rate, stacked["torque"], stacked["rate"], stacked["by"],
         (np.stack(inertia[0]), np.stack(inertia[1]), np.stack(inertia[2])),
         np.asarray(first.recording.model.armature)[list(first.dofs)], offset,
-        stacked["frames"].astype(int), stacked["y"], stacked["W"], common, stacked["carried"],
+        stacked["frames"].astype(int), stacked["y"], stacked["W"], common, stacked["carried"], uncertain,
     )  # fmt: skip
 
 
@@ -158,13 +163,23 @@ def _against_expected(motion: Motion, window: Window, expected: Expected, option
         assert expected.movement is not None
         K = expected.movement.covariance(s, pace(s, angle), expected.noise, rho)
         return angle - angle[:1], K.reshape(angle.size, -1)
+    return angle - np.mean([item.angle for item in window.repetitions], axis=0), repeated_covariance(
+        motion, window, expected, options
+    )
+
+
+def repeated_covariance(
+    motion: Motion, window: Window, expected: Expected, options: FitOptions
+) -> Float[np.ndarray, "row row"]:
+    """Of a trial's angles less the mean of its repetitions, rad^2 [sample * dof, sample * dof]."""
     assert expected.variability is not None
-    n = len(window.repetitions)
-    mean = np.mean([item.angle for item in window.repetitions], axis=0)
-    K = (1.0 + 1.0 / n) * covariance(s, expected.variability, expected.noise, rho).reshape(mean.size, mean.size)
+    s = (window.samples - window.onset) / motion.recording.rate
+    n, count = len(window.repetitions), len(s) * len(expected.noise)
+    rho = _correlation(motion, window.samples)
+    K = (1.0 + 1.0 / n) * covariance(s, expected.variability, expected.noise, rho).reshape(count, count)
     for item in window.repetitions:
         K = K + (options.shift_sd / n) ** 2 * np.outer(item.rate.ravel(), item.rate.ravel())
-    return angle - mean, K
+    return K
 
 
 def _systematic(modes: tuple[np.ndarray, list[np.ndarray]], s: np.ndarray, speeds: np.ndarray) -> np.ndarray:

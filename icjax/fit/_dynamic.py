@@ -73,9 +73,11 @@ class DynamicEquilibrium(eqx.Module):
       `whitening` [event, n, n]: inverse of the Cholesky factor of its covariance, zero rows where nothing is compared.
     - `common`: the `Common` part of contacts without repetitions; None without any.
     - `carried` Nm [event, frame, segment, dof]: t of a segment; None where the rest of the body does not move.
+      `carried_doubt` [event, frame, segment, dof, mode]: what t is not known by; None where it is known.
 
     **Uses** "compliance" (diagonal `[dof]` or full `[dof, dof]`), "damping time" `[dof]`, "inertia" `[segment]`,
-    "offsets" `[offset]` in units of its prior (`offset_factor` its Cholesky factor), "sensor gain" and "sensor delay".
+    "offsets" `[offset]` in units of its prior (`offset_factor` its Cholesky factor), "sensor gain" and "sensor delay",
+    "carried" `[mode]` in units of `carried_doubt` where there is one.
 
     Source: the deviation form of Kry and Pai 2006, section 4.3; the whitening is ours.
     """
@@ -93,9 +95,13 @@ class DynamicEquilibrium(eqx.Module):
     whitening: Float[Real, "event n n"]
     common: Common | None = None
     carried: Float[Real, "event frame segment dof"] | None = None
-    uses: tuple[str, ...] = eqx.field(
-        static=True, default=("compliance", "damping time", "inertia", "offsets", "sensor gain", "sensor delay")
-    )
+    carried_doubt: Float[Real, "event frame segment dof mode"] | None = None
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """Names of the parameters that it looks at."""
+        always = ("compliance", "damping time", "inertia", "offsets", "sensor gain", "sensor delay")
+        return always if self.carried_doubt is None else (*always, "carried")
 
     def deviation(self, values: Values) -> Float[Real, "event frame dof"]:
         """e of every event and frame, rad."""
@@ -107,6 +113,9 @@ class DynamicEquilibrium(eqx.Module):
         )
         if self.carried is not None:
             torque = torque - jnp.einsum("etsi,s->eti", jnp.asarray(self.carried), values["inertia"])
+        if self.carried_doubt is not None:
+            doubt = jnp.asarray(self.carried_doubt) @ values["carried"]
+            torque = torque - jnp.einsum("etsi,s->eti", doubt, values["inertia"])
         inertia = tuple(jnp.einsum("etsij,s->etij", jnp.asarray(part), values["inertia"]) for part in self.inertia)
         return jax.vmap(lambda parts, tau: response(parts, tau, values, self.armature, self.step))(inertia, torque)
 

@@ -100,7 +100,8 @@ def _parameters(fit: SessionFit) -> FittedParameters:
             centre = x[place]
             sd, learned = np.asarray(fit.laplace.sd)[place], np.asarray(fit.laplace.learned)[place]
         ends = [_value(item, centre + sign * QUANTILE * sd) for sign in (0.0, -1.0, 1.0)]
-        prior = np.broadcast_to(np.inf if item.prior_sd is None else np.asarray(item.prior_sd, float), centre.shape)
+        own = np.inf if item.prior_sd is None else np.asarray(item.prior_sd, float)
+        prior = np.broadcast_to(np.hypot(own, item.shared_sd or 0.0), centre.shape)
         nominal = _value(item, np.asarray(item.transform.free(item.nominal)))
         scale, unit = _scale(item)
         rows += zip(

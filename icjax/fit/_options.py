@@ -33,7 +33,8 @@ class FitOptions:
     - `compliance_sd`: of log C about the model's own value (or `typical_compliance` rad/Nm where it states none); at
       least twice the standard deviation that `widest` allows, log(widest) / 1.96, so that no joint gets the prior's
       number.
-    - `damping_time`, `damping_time_sd`: s, B = T / C, and the deviation of log T.
+    - `damping_time`, `damping_time_sd`: s, B = T / C, and the deviation of a person's log T.
+    - `damping_time_spread`: of each joint's log T about that of the person; muscle is much the same everywhere.
     - `inertia_sd`: of the logarithm of a segment's mass (its inertia with it).
     - `shift_sd`: s, by which a repetition's movement may start earlier or later.
     - `widest`: an interval whose ends differ by more than this factor is refused: the joint has no number, only bounds.
@@ -49,6 +50,7 @@ class FitOptions:
     compliance_sd: float = 1.0
     damping_time: float = 0.03
     damping_time_sd: float = 0.7
+    damping_time_spread: float = 0.4
     inertia_sd: float = 0.5
     shift_sd: float = 0.015
     widest: float = 4.0

@@ -18,8 +18,10 @@ class Parameter(eqx.Module):
     """One quantity that a measurement depends on.
 
     The fit moves x with value = transform(x). A prior is normal in x: with `Log`, `prior_sd` is a relative standard
-    deviation. `smooth` is a normal prior on the differences of neighbouring values along the first axis, in x: what
-    makes C(t) piecewise constant or a spline instead of arbitrary.
+    deviation. `shared_sd` makes it hierarchical: x = x0 + u + z, u of that standard deviation the same for all numbers
+    of x (a person, a session), z each one's own of `prior_sd`; u is integrated out. `smooth` is a normal prior on the
+    differences of neighbouring values along the first axis, in x: what makes C(t) piecewise constant or a spline
+    instead of arbitrary.
 
     **Fields**
 
@@ -27,6 +29,7 @@ class Parameter(eqx.Module):
     - `nominal`: value where the fit starts and where the prior is centred, of any shape.
     - `transform`: how x becomes the value; default the value itself.
     - `prior_sd`: of x, one number or one for each of x; None says nothing beforehand.
+    - `shared_sd`: of what all numbers of x have in common beyond `prior_sd`; None: nothing.
     - `smooth`: standard deviation of (order `smooth_order`) differences of x along the value's first axis; None.
     - `frozen`: the value stays nominal.
     - `labels`: names of the entries of x, for messages.
@@ -37,6 +40,7 @@ class Parameter(eqx.Module):
     unit: str = eqx.field(static=True, default="1")
     transform: Transform = Identity()
     prior_sd: Float[Real, "..."] | float | None = None
+    shared_sd: float | None = None
     smooth: float | None = None
     smooth_order: int = eqx.field(static=True, default=1)
     frozen: bool = eqx.field(static=True, default=False)
@@ -50,6 +54,10 @@ class Parameter(eqx.Module):
         sd = None if self.prior_sd is None else _known(self.prior_sd)
         if sd is not None and not (np.isfinite(sd).all() and np.all(sd > 0)):
             raise ValueError(f"parameter {self.name!r}: prior_sd {sd} must be above zero and finite")
+        if self.shared_sd is not None and not (math.isfinite(self.shared_sd) and self.shared_sd > 0):
+            raise ValueError(f"parameter {self.name!r}: shared_sd {self.shared_sd} must be above zero and finite")
+        if self.shared_sd is not None and self.prior_sd is None:
+            raise ValueError(f"parameter {self.name!r}: shared_sd needs prior_sd, what is each number's own")
         if self.smooth is not None and not (math.isfinite(self.smooth) and self.smooth > 0):
             raise ValueError(f"parameter {self.name!r}: smooth {self.smooth} must be above zero")
         try:
@@ -83,7 +91,9 @@ class Parameter(eqx.Module):
         """Residuals of the prior, each of unit standard deviation; none without a prior."""
         rows = []
         if self.prior_sd is not None:
-            rows.append((x - self.transform.free(self.nominal)) / jnp.asarray(self.prior_sd))
+            own = jnp.asarray(self.prior_sd)
+            apart = (x - self.transform.free(self.nominal)) / own
+            rows.append(apart if self.shared_sd is None else _less_shared(apart, self.shared_sd / own))
         if self.smooth is not None:
             along = jnp.reshape(x, (np.shape(self.nominal)[0], -1))
             rows.append(jnp.ravel(jnp.diff(along, n=self.smooth_order, axis=0)) / self.smooth)
@@ -156,6 +166,13 @@ class Parameters(eqx.Module):
         old = self[name]
         stated = {key: getattr(old, key) for key in old.__dataclass_fields__} | fields
         return Parameters(tuple(Parameter(**stated) if item is old else item for item in self.of))
+
+
+def _less_shared(rows: Float[Real, " size"], a: Float[Real, "..."]) -> Float[Real, " size"]:
+    """Whitened rows of covariance I + a a^T: (I - D u u^T) r, u = a / |a| and D = 1 - (1 + |a|^2)^(-1/2)."""
+    a = jnp.broadcast_to(a, rows.shape)
+    square = jnp.sum(a**2)
+    return rows - (1.0 - 1.0 / jnp.sqrt(1.0 + square)) / square * jnp.dot(a, rows) * a
 
 
 def _known(value: Any) -> np.ndarray | None:

@@ -9,6 +9,7 @@ import jax
 import numpy as np
 
 from icjax.fit._contacts import unexplained
+from icjax.fit._doubt import with_doubt
 from icjax.fit._options import FitOptions
 from icjax.fit._parameters import Values
 from icjax.fit._problem import Problem
@@ -84,8 +85,9 @@ def fit_session(
     found = solve(made.problem, progress=progress, cancelled=cancelled, checkpoint=checkpoint)
     x = found.value.x
     residual, data, prior = linearised(made.problem, x)
-    known = _intervals(np.asarray(data), np.asarray(prior))
-    rows = np.asarray(residual)[: len(data)]
+    data, prior, rows = np.asarray(data), np.asarray(prior), np.asarray(residual)[: len(data)]
+    known = _intervals(data, prior)
+    known = with_doubt(known, made, data, rows, options)
     compared = len(made.dof_names) * sum(len(window.samples) for window in made.windows)
     place = made.problem.parameters.slices["compliance"]
     loads = _loads(made, np.asarray(_deviation(made.problem, x)))

@@ -96,6 +96,9 @@ def session_problem(session: Session, options: FitOptions | None = None) -> Sess
     measurement = measured(windows, motions, groups, expected, options)
     names = tuple(model.dof_names[dof] for dof in dofs)
     parameters = _parameters(model, dofs, segments, next(iter(motions.values())).offset_names, options)
+    if measurement.carried_doubt is not None:
+        modes = np.zeros(np.shape(measurement.carried_doubt)[-1])
+        parameters = Parameters((*parameters.of, Parameter("carried", modes, "prior sd", Identity(), 1.0)))
     problem = Problem(parameters, (measurement,))
     return SessionProblem(problem, motions, tuple(windows), groups, names, expected, left_out)
 
@@ -189,7 +192,13 @@ def _parameters(model: Model, dofs, segments, offsets, options: FitOptions) -> P
     items = [
         Parameter("compliance", nominal, "rad/Nm", Log(), options.compliance_sd, labels=names),
         Parameter(
-            "damping time", np.full(count, options.damping_time), "s", Log(), options.damping_time_sd, labels=names
+            "damping time",
+            np.full(count, options.damping_time),
+            "s",
+            Log(),
+            options.damping_time_spread,
+            options.damping_time_sd,
+            labels=names,
         ),
         Parameter("inertia", np.ones(len(segments)), "1", Log(), options.inertia_sd, labels=segments),
         Parameter("offsets", np.zeros(len(offsets)), "prior sd", Identity(), 1.0, labels=offsets),

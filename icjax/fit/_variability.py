@@ -27,11 +27,20 @@ class Variability(NamedTuple):
     - `noise` [dof] multiplies the instrument's standard deviations: what of a stated error moves slowly (a wandering
       marker) is part of the slow process here, so that less is left for the noise from frame to frame.
     - `inflation` multiplies the covariance so that repetitions predicted from each other miss as much as it says.
+    - `doubt` [dof, 3, 3]: covariance of the logarithms of each joint's two amplitudes and noise; None: they are known.
     """
 
     amplitude: Float[np.ndarray, "2 dof"]
     noise: Float[np.ndarray, " dof"]
     inflation: float
+    doubt: Float[np.ndarray, "dof 3 3"] | None = None
+
+    def moved(self, joint: int, logarithms: Float[np.ndarray, " 3"]) -> "Variability":
+        """With the amplitudes and the noise of one joint multiplied by the exponentials."""
+        amplitude, noise = self.amplitude.copy(), self.noise.copy()
+        amplitude[:, joint] *= np.exp(logarithms[:2])
+        noise[joint] *= np.exp(logarithms[2])
+        return self._replace(amplitude=amplitude, noise=noise)
 
 
 class Curve(NamedTuple):
@@ -90,7 +99,7 @@ def learn(
     if not curves:
         raise ValueError("no stretch in which a trial and a repetition, or two repetitions, are free of contact")
     dofs = len(noise)
-    found = np.empty((3, dofs))
+    found, doubt = np.empty((3, dofs)), np.empty((dofs, 3, 3))
     centre, width = np.log([*TYPICAL, 1.0]), np.array([np.log(5.0), np.log(5.0), NOISE_SD])
     for joint in range(dofs):
         parts = [
@@ -110,9 +119,19 @@ def learn(
             return total, gradient
 
         bounds = [(-14.0, 0.0), (-14.0, 0.0), (-2.0, 2.0)]
-        found[:, joint] = np.exp(minimize(cost, centre, jac=True, method="L-BFGS-B", bounds=bounds).x)
-    plain = Variability(found[:2], found[2], 1.0)
+        best = np.asarray(minimize(cost, centre, jac=True, method="L-BFGS-B", bounds=bounds).x)
+        found[:, joint] = np.exp(best)
+        doubt[joint] = _curvature_inverse(cost, best, width)
+    plain = Variability(found[:2], found[2], 1.0, doubt)
     return plain._replace(inflation=max(1.0, _missed(curves, plain, noise, correlations, shift_sd, onset)))
+
+
+def _curvature_inverse(cost, x: np.ndarray, width: np.ndarray) -> np.ndarray:
+    """Covariance of x from differences of the gradient, nowhere wider than the prior."""
+    step = 1e-3
+    H = np.stack([(cost(x + step * e)[1] - cost(x - step * e)[1]) / (2.0 * step) for e in np.eye(len(x))])
+    values, axes = np.linalg.eigh(0.5 * (H + H.T) * np.outer(width, width))
+    return np.outer(width, width) * ((axes / np.maximum(values, 1.0)) @ axes.T)
 
 
 def _one_joint(curve, joint, noise, correlation, shift_sd):

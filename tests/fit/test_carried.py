@@ -41,7 +41,7 @@ def test_acceleration_of_an_arm_that_is_pushed():
     noisy = [
         item + 2e-5 * generator.standard_normal(item.shape) + 1e-3 * generator.standard_normal((1, 2)) for item in aside
     ]
-    found = pushed(noisy, force, RATE)
+    found, _ = pushed(noisy, force, RATE)
     true = [np.gradient(np.gradient(item[:, 0], 1 / RATE), 1 / RATE) for item in aside]
     differenced = [np.gradient(np.gradient(item[:, 0], 1 / RATE), 1 / RATE) for item in noisy]
     size = np.sqrt(np.mean(np.concatenate(true) ** 2))
@@ -62,11 +62,11 @@ def test_what_the_force_does_not_explain_counts_for_nothing():
     wander = [
         0.5e-3 * np.sin(2 * np.pi * (generator.uniform(0.5, 2.0) * TIME + generator.uniform()))[:, None] for _ in force
     ]
-    found = pushed([np.repeat(item, 2, axis=1) for item in wander], force, RATE)
-    true = np.concatenate([item.acceleration[:, 0] for item in pushed(aside, force, RATE)])
+    found, _ = pushed([np.repeat(item, 2, axis=1) for item in wander], force, RATE)
+    true = np.concatenate([item.acceleration[:, 0] for item in pushed(aside, force, RATE)[0]])
     told = np.concatenate([item.acceleration[:, 0] for item in found])
     assert np.sqrt(np.mean(told**2)) < 0.1 * np.sqrt(np.mean(true**2))
-    for item in pushed(aside, [0.0 * part for part in force], RATE):
+    for item in pushed(aside, [0.0 * part for part in force], RATE)[0]:
         assert not np.any(item.aside)
 
 
