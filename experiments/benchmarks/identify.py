@@ -4,12 +4,16 @@
     uv run --all-extras python experiments/benchmarks/identify.py --sysid sysid/bin/python
 
 The finger, the press and the data are those of `identify_scene.py`: angles and contact force of a damped simulation by
-MuJoCo C in steps of 0.2 ms, with noise; neither side knows its damping. Both minimise the same whitened residuals.
+MuJoCo C in steps of 0.2 ms, with noise; neither side knows its damping. Data are equal, and so are the whitened
+residuals that are minimised, but for those of "measured".
 
 - equilibrium: icjax's forces and angles against MuJoCo's, moved twenty times more slowly;
+- measured: icjax puts the measured force into theta = theta_r + C tau at the measured angles, sample by sample, and
+  compares the angles (`icjax.fit.StaticEquilibrium`): what was measured need not be simulated;
 - static: icjax takes every sample by itself, from the measured angles in `SETTLING` contact problems at its reference
   (a frictionless equilibrium has no memory); Levenberg-Marquardt of `icjax.inference` with the exact Jacobian;
-- solve: the same through `icjax.fit.solve`;
+- both: static, each start first moved to where `measured` ends;
+- solve: static through `icjax.fit.solve`;
 - rollout: the press as one rollout of two contact problems a sample, which is what friction would need;
 - sysid: `mujoco.sysid.optimize` by logarithms of the stiffnesses with its parallel differences, the fastest of its
   optimisers here, and with its defaults; steps, armature and damping are chosen for it;
@@ -31,11 +35,12 @@ from pathlib import Path
 import identify_gradient
 import identify_scene as press
 import numpy as np
+from identify_problem import finger, predictions, problem
 from identify_runs import CLOSE, near, reached, told
 
 RESULT = Path(__file__).resolve().parents[1] / "results" / "identify.json"
-PARTS = ("equilibrium", "static", "solve", "rollout", "sysid", "gradient")
-STARTS, FACTOR, WIDEST, SETTLING = 100, 5.0, 10.0, 3
+PARTS = ("equilibrium", "measured", "both", "static", "solve", "rollout", "sysid", "gradient")
+STARTS, FACTOR, WIDEST = 100, 5.0, 10.0
 STEPWISE = 10
 """Starts of icjax whose time to 1 % is measured, a run for every number of steps."""
 
@@ -49,53 +54,10 @@ OPTIMISERS = {
 }
 
 
-def finger():
-    """Model without joint limits, scene, nominal stiffnesses, and the MJCF text that MuJoCo reads."""
-    import dataclasses
-
-    import jax
-
-    from icjax.geometry import Plane
-    from icjax.model import index_finger
-    from icjax.model._index_finger import _mjcf
-    from icjax.synthesis import Scene, Surface
-
-    jax.config.update("jax_enable_x64", True)
-    model = index_finger(root="fixed")
-    nominal = 1.0 / np.asarray(model.compliance)
-    model = dataclasses.replace(model, lower=np.full(4, -np.inf), upper=np.full(4, np.inf))
-    plane = Plane(np.array([0.0, 0.0, press.PLANE]), np.array([0.0, 0.0, 1.0]))
-    return model, Scene("press", (Surface("plane", plane, 0.0),), facets=2), nominal, _mjcf(0.19, "fixed")
-
-
 def starts(nominal: np.ndarray) -> np.ndarray:
     """Log-uniform within a factor of five."""
     wide = np.log(FACTOR)
     return nominal * np.exp(np.random.default_rng(0).uniform(-wide, wide, (STARTS, 4)))
-
-
-def predictions(model, scene, repeats: int):
-    """Two functions of stiffness, reference `[sample, 4]` and angles to start from: sample by sample, and one press."""
-    import jax
-    import jax.numpy as jnp
-
-    from icjax.synthesis import Target, init, rollout
-
-    def pressed(stiffness, reference, state=None):
-        info = rollout(model, scene, Target(reference, jnp.broadcast_to(1.0 / stiffness, reference.shape)), state)[1]
-        return jnp.concatenate([info.q, info.contact_force[:, 0, 2:]], axis=1)
-
-    def static(stiffness, reference, angles):
-        def one(reference, angles):
-            rows = jnp.broadcast_to(reference, (SETTLING, 4))
-            return pressed(stiffness, rows, init(model, scene, angles))[-1]
-
-        return jax.vmap(one)(reference, angles)
-
-    def whole(stiffness, reference, angles):
-        return pressed(stiffness, jnp.repeat(reference, repeats, axis=0))[repeats - 1 :: repeats]
-
-    return static, whole
 
 
 def equilibrium() -> dict:
@@ -125,30 +87,9 @@ def compared(found, true) -> dict:
     }
 
 
-def problem(kind: str):
-    """The identification as an `icjax.fit.Problem`."""
-    import equinox as eqx
-    import jax
-    import jax.numpy as jnp
-
-    from icjax.fit import Parameter, Parameters, Problem
-    from icjax.inference import Log
-
-    model, scene, nominal, mjcf = finger()
-    predicted = predictions(model, scene, 2)[("static", "rollout").index(kind)]
-
-    class Press(eqx.Module):
-        data: jax.Array
-        reference: jax.Array
-        name: str = eqx.field(static=True, default="press")
-        uses: tuple[str, ...] = eqx.field(static=True, default=("stiffness",))
-
-        def residual(self, values):
-            found = predicted(values["stiffness"], self.reference, self.data[:, :4])
-            return jnp.ravel((self.data - found) / press.deviations()[None])
-
-    measured = Press(jnp.asarray(press.measured(mjcf)), jnp.asarray(press.reference(press.sample_times())))
-    return Problem(Parameters((Parameter("stiffness", nominal, "Nm/rad", Log()),)), (measured,)), nominal
+def measured() -> dict:
+    """With the measured forces, from every start."""
+    return fitted("measured", STARTS)
 
 
 def static() -> dict:
@@ -156,13 +97,21 @@ def static() -> dict:
     return fitted("static", STARTS)
 
 
+def both() -> dict:
+    """The residuals of `static`, each start first moved by `measured`."""
+    return fitted("static", STARTS, first="measured")
+
+
 def rollout() -> dict:
     """One rollout, from some starts."""
     return fitted("rollout", 10)
 
 
-def fitted(kind: str, count: int) -> dict:
-    """`icjax.inference.least_squares`; time of the shortest run that ends within 1 % of where the longest ends."""
+def fitted(kind: str, count: int, first: str = "") -> dict:
+    """`icjax.inference.least_squares`; time of the shortest run that ends within 1 % of where the longest ends.
+
+    With `first` the fit of that kind goes before it, and its time counts.
+    """
     import equinox as eqx
     import jax
     import jax.numpy as jnp
@@ -170,6 +119,7 @@ def fitted(kind: str, count: int) -> dict:
     from icjax.inference import least_squares
 
     stated, nominal = problem(kind)
+    before = problem(first)[0] if first else None
 
     @eqx.filter_jit
     def fit(stated, start, steps):
@@ -181,6 +131,8 @@ def fitted(kind: str, count: int) -> dict:
 
     def timed(start, steps):
         begin, work = time.perf_counter(), time.process_time()
+        if before is not None:
+            start = fit(before, jnp.log(start), jnp.asarray(40))[0]
         found = jax.block_until_ready(fit(stated, jnp.log(start), jnp.asarray(steps)))
         return np.asarray(found[0]), found, time.perf_counter() - begin, time.process_time() - work
 
@@ -194,7 +146,7 @@ def fitted(kind: str, count: int) -> dict:
         row = {"value": value.tolist(), "cost": float(found[1]), "whole s": wall, "whole CPU s": work}
         row["whole evaluations"] = int(found[2]) + 1
         measured = near(value, best) and len(runs) < STEPWISE
-        for steps in range(1, int(found[2]) + 1) if measured else ():
+        for steps in range(0 if first else 1, int(found[2]) + 1) if measured else ():
             value, _, wall, work = timed(start, steps)
             if near(value, best):
                 runs.append({**row, "s": wall, "CPU s": work, "evaluations": steps + 1})

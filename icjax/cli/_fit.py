@@ -3,7 +3,7 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -11,7 +11,10 @@ if TYPE_CHECKING:
     from icjax.fit import FitOptions
     from icjax.recording import Session
 
-OPTIONS = ("after", "before", "settle", "typical_compliance", "compliance_sd", "inertia_sd", "shift_sd", "widest")
+OPTIONS = (
+    "after", "before", "settle", "typical_compliance", "compliance_sd", "compliance_by", "compliance_change",
+    "inertia_sd", "shift_sd", "widest",
+)  # fmt: skip
 """Of `FitOptions`, those that are options here."""
 
 
@@ -38,6 +41,10 @@ class Fit:
     """Where the prior of a joint's compliance is centred if the model states none, rad/Nm."""
     compliance_sd: float = 1.0
     """Standard deviation of that prior, of the logarithm of the compliance."""
+    compliance_by: Literal["session", "trial", "contact"] = "session"
+    """Where compliance may change; each trial's or contact's is then drawn to what all have in common."""
+    compliance_change: float = 0.3
+    """How far: standard deviation of the logarithm about what all have in common."""
     inertia_sd: float = 0.5
     """Relative standard deviation of the segments' masses about those of the model."""
     shift_sd: float = 0.015

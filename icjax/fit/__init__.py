@@ -10,6 +10,7 @@ from icjax.fit._design import Expectation as Expectation
 from icjax.fit._design import design as design
 from icjax.fit._dynamic import DynamicEquilibrium as DynamicEquilibrium
 from icjax.fit._dynamic import response as response
+from icjax.fit._joints import JointFit as JointFit
 from icjax.fit._make_record import fit_record as fit_record
 from icjax.fit._options import FitOptions as FitOptions
 from icjax.fit._parameters import Parameter as Parameter
@@ -23,12 +24,12 @@ from icjax.fit._profile import Profile as Profile
 from icjax.fit._profile import profile as profile
 from icjax.fit._read_design import Planned as Planned
 from icjax.fit._read_design import read_design as read_design
+from icjax.fit._record import FitPeriods as FitPeriods
 from icjax.fit._record import FitRecord as FitRecord
 from icjax.fit._record import FittedParameters as FittedParameters
 from icjax.fit._record import FitWindows as FitWindows
 from icjax.fit._reference import Reference as Reference
 from icjax.fit._reference import contact_free as contact_free
-from icjax.fit._result import JointFit as JointFit
 from icjax.fit._result import SessionFit as SessionFit
 from icjax.fit._result import fit_session as fit_session
 from icjax.fit._rollout_forces import ContactForces as ContactForces

@@ -46,6 +46,9 @@ def _findings(fit: FitRecord) -> Iterator[tuple[str, str]]:
     for name, value, low, high in zip(fit.joint_names, fit.compliance, fit.lower, fit.upper, strict=True):
         if not 0 <= low <= value <= high:
             yield "error", f"compliance of '{name}' is not within its own interval, or negative"
+    periods = fit.periods
+    if not np.all((periods.lower <= periods.compliance) & (periods.compliance <= periods.upper)):
+        yield "error", "the compliance of a period is not within its own interval"
     parameters = fit.parameters
     for name, value, low, high in zip(
         parameters.parameter_names, parameters.value, parameters.lower, parameters.upper, strict=True

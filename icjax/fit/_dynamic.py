@@ -75,8 +75,10 @@ class DynamicEquilibrium(eqx.Module):
     - `carried` Nm [event, frame, segment, dof]: t of a segment; None where the rest of the body does not move.
       `carried_doubt` [event, frame, segment, dof, mode]: what t is not known by; None where it is known.
 
-    **Uses** "compliance" (diagonal `[dof]` or full `[dof, dof]`), "damping time" `[dof]`, "inertia" `[segment]`,
-    "offsets" `[offset]` in units of its prior (`offset_factor` its Cholesky factor), "sensor gain" and "sensor delay",
+    - `period` [event]: the row of "compliance" that holds in an event; None: one holds in all.
+
+    **Uses** "compliance" (diagonal `[dof]` or full `[dof, dof]`; with periods one of them each), "damping time" `[dof]`,
+    "inertia" `[segment]`, "offsets" `[offset]` in units of its prior (`offset_factor` its Cholesky factor), "sensor gain" and "sensor delay",
     "carried" `[mode]` in units of `carried_doubt` where there is one.
 
     Source: the deviation form of Kry and Pai 2006, section 4.3; the whitening is ours.
@@ -96,6 +98,7 @@ class DynamicEquilibrium(eqx.Module):
     common: Common | None = None
     carried: Float[Real, "event frame segment dof"] | None = None
     carried_doubt: Float[Real, "event frame segment dof mode"] | None = None
+    period: Int[Real, " event"] | None = None
 
     @property
     def uses(self) -> tuple[str, ...]:
@@ -117,7 +120,11 @@ class DynamicEquilibrium(eqx.Module):
             doubt = jnp.asarray(self.carried_doubt) @ values["carried"]
             torque = torque - jnp.einsum("etsi,s->eti", doubt, values["inertia"])
         inertia = tuple(jnp.einsum("etsij,s->etij", jnp.asarray(part), values["inertia"]) for part in self.inertia)
-        return jax.vmap(lambda parts, tau: response(parts, tau, values, self.armature, self.step))(inertia, torque)
+        C = jnp.asarray(values["compliance"])
+        C = jnp.broadcast_to(C, (len(torque), *C.shape)) if self.period is None else C[jnp.asarray(self.period)]
+        return jax.vmap(
+            lambda parts, tau, C: response(parts, tau, values | {"compliance": C}, self.armature, self.step)
+        )(inertia, torque, C)
 
     def residual(self, values: Values) -> Float[Real, " row"]:
         """Whitened `[event * sample * dof]`."""

@@ -10,7 +10,7 @@ from icjax.estimation import estimates
 from icjax.fit._drift import drift
 from icjax.fit._parameters import Parameter
 from icjax.fit._profile import profile
-from icjax.fit._record import FitRecord, FittedParameters, FitWindows
+from icjax.fit._record import FitPeriods, FitRecord, FittedParameters, FitWindows
 from icjax.fit._reference import contact_free
 from icjax.fit._result import SessionFit
 from icjax.inference import QUANTILE, Identity, Log
@@ -27,7 +27,7 @@ def fit_record(
     **Arguments**: `fit` of this `session`; `paper` the summary of `icjax.estimation.estimate` on it, made here if not
     given; `profiles` whether intervals by profile likelihood are made too, a few seconds a joint.
 
-    **Errors**: those of `profile`.
+    **Errors**: those of `profile`, and `ValueError` for `profiles` of a compliance that changes.
     """
     made = fit.made
     trials = session.trials()
@@ -51,6 +51,7 @@ def fit_record(
         chi2=float(fit.chi2),
         result=_result(fit),
         warnings=fit.warnings,
+        periods=_periods(fit),
         parameters=_parameters(fit),
         windows=_windows(fit),
         variability=np.full((2, count), np.nan) if repeated is None else np.asarray(repeated.amplitude),
@@ -64,7 +65,21 @@ def fit_record(
     )
 
 
+def _periods(fit: SessionFit) -> FitPeriods:
+    compliance, lower, upper, refused = (
+        np.array([[getattr(joint, field) for joint in row] for row in fit.periods])
+        for field in ("compliance", "lower", "upper", "refused")
+    )
+    return FitPeriods(fit.made.periods, fit.made.dof_names, compliance, lower, upper, refused != "")
+
+
 def _profiles(fit: SessionFit) -> np.ndarray:
+    """**Errors**: `ValueError` where compliance changes: the mean of several is no number of the fit."""
+    if len(fit.periods) > 1:
+        raise ValueError(
+            f"profiles are of one compliance a joint; this fit has {len(fit.periods)} (compliance_by = "
+            f"{fit.options.compliance_by!r})"
+        )
     problem, x = fit.made.problem, np.asarray(fit.solution.value.x)
     place = problem.parameters.slices["compliance"]
     found = [profile(problem, x, index) for index in range(place.start, place.stop)]

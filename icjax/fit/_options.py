@@ -15,6 +15,10 @@ RANGES = {
 """s. Less before or after a contact tells nothing, more is another movement; outside, milliseconds are likely meant."""
 
 
+PERIODS = ("session", "trial", "contact")
+"""In which compliance is one."""
+
+
 @dataclasses.dataclass(frozen=True)
 class FitOptions:
     """Choices of the fit of compliance to the dynamic response after contact.
@@ -33,6 +37,8 @@ class FitOptions:
     - `compliance_sd`: of log C about the model's own value (or `typical_compliance` rad/Nm where it states none); at
       least twice the standard deviation that `widest` allows, log(widest) / 1.96, so that no joint gets the prior's
       number.
+    - `compliance_by`: "session", "trial" or "contact": where compliance may change. It is then hierarchical: what all
+      have in common is what `compliance_sd` is about, and log C of each deviates from it by `compliance_change`.
     - `damping_time`, `damping_time_sd`: s, B = T / C, and the deviation of a person's log T.
     - `damping_time_spread`: of each joint's log T about that of the person; muscle is much the same everywhere.
     - `inertia_sd`: of the logarithm of a segment's mass (its inertia with it).
@@ -48,6 +54,8 @@ class FitOptions:
     spacing: float = 0.008
     typical_compliance: float = 0.5
     compliance_sd: float = 1.0
+    compliance_by: str = "session"
+    compliance_change: float = 0.3
     damping_time: float = 0.03
     damping_time_sd: float = 0.7
     damping_time_spread: float = 0.4
@@ -56,7 +64,11 @@ class FitOptions:
     widest: float = 4.0
 
     def __post_init__(self):
+        if self.compliance_by not in PERIODS:
+            raise ValueError(f"compliance_by = {self.compliance_by!r}: must be one of {', '.join(PERIODS)}")
         for field in dataclasses.fields(self):
+            if field.name == "compliance_by":
+                continue
             value = getattr(self, field.name)
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{field.name} = {value}: must be above zero and finite")

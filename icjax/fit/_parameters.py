@@ -18,10 +18,10 @@ class Parameter(eqx.Module):
     """One quantity that a measurement depends on.
 
     The fit moves x with value = transform(x). A prior is normal in x: with `Log`, `prior_sd` is a relative standard
-    deviation. `shared_sd` makes it hierarchical: x = x0 + u + z, u of that standard deviation the same for all numbers
-    of x (a person, a session), z each one's own of `prior_sd`; u is integrated out. `smooth` is a normal prior on the
-    differences of neighbouring values along the first axis, in x: what makes C(t) piecewise constant or a spline
-    instead of arbitrary.
+    deviation. `shared_sd` makes it hierarchical: x = x0 + u + z, u of that standard deviation the same along the
+    value's first axis (of a person, of all trials), z of `prior_sd` each one's own; u is integrated out. `smooth` is a
+    normal prior on the differences of neighbouring values along the first axis, in x: what makes C(t) piecewise
+    constant or a spline instead of arbitrary.
 
     **Fields**
 
@@ -29,7 +29,7 @@ class Parameter(eqx.Module):
     - `nominal`: value where the fit starts and where the prior is centred, of any shape.
     - `transform`: how x becomes the value; default the value itself.
     - `prior_sd`: of x, one number or one for each of x; None says nothing beforehand.
-    - `shared_sd`: of what all numbers of x have in common beyond `prior_sd`; None: nothing.
+    - `shared_sd`: of what x has in common along the value's first axis beyond `prior_sd`; None: nothing.
     - `smooth`: standard deviation of (order `smooth_order`) differences of x along the value's first axis; None.
     - `frozen`: the value stays nominal.
     - `labels`: names of the entries of x, for messages.
@@ -56,8 +56,8 @@ class Parameter(eqx.Module):
             raise ValueError(f"parameter {self.name!r}: prior_sd {sd} must be above zero and finite")
         if self.shared_sd is not None and not (math.isfinite(self.shared_sd) and self.shared_sd > 0):
             raise ValueError(f"parameter {self.name!r}: shared_sd {self.shared_sd} must be above zero and finite")
-        if self.shared_sd is not None and self.prior_sd is None:
-            raise ValueError(f"parameter {self.name!r}: shared_sd needs prior_sd, what is each number's own")
+        if self.shared_sd is not None and (self.prior_sd is None or np.ndim(self.nominal) == 0):
+            raise ValueError(f"parameter {self.name!r}: shared_sd needs a value with an axis, and prior_sd of its own")
         if self.smooth is not None and not (math.isfinite(self.smooth) and self.smooth > 0):
             raise ValueError(f"parameter {self.name!r}: smooth {self.smooth} must be above zero")
         try:
@@ -87,13 +87,21 @@ class Parameter(eqx.Module):
         shape = np.shape(self.nominal)
         return jnp.reshape(value, shape) if np.size(value) == math.prod(shape) else value
 
+    def _less_shared(self, rows: Float[Real, " size"], shared: float) -> Float[Real, " size"]:
+        """Whitened rows of covariance I + a a^T, a = shared_sd / prior_sd along the first axis: with b = a / |a| they
+        are (I - D b b^T) r, D = 1 - (1 + |a|^2)^(-1/2)."""
+        along = jnp.reshape(rows, (np.shape(self.nominal)[0], -1))
+        a = jnp.broadcast_to(shared / jnp.asarray(self.prior_sd), rows.shape).reshape(along.shape)
+        square = jnp.sum(a**2, axis=0)
+        share = (1.0 - 1.0 / jnp.sqrt(1.0 + square)) / square * jnp.sum(a * along, axis=0)
+        return jnp.ravel(along - a * share[None])
+
     def prior(self, x: Float[Real, " size"]) -> Float[Real, " row"]:
         """Residuals of the prior, each of unit standard deviation; none without a prior."""
         rows = []
         if self.prior_sd is not None:
-            own = jnp.asarray(self.prior_sd)
-            apart = (x - self.transform.free(self.nominal)) / own
-            rows.append(apart if self.shared_sd is None else _less_shared(apart, self.shared_sd / own))
+            apart = (x - self.transform.free(self.nominal)) / jnp.asarray(self.prior_sd)
+            rows.append(apart if self.shared_sd is None else self._less_shared(apart, self.shared_sd))
         if self.smooth is not None:
             along = jnp.reshape(x, (np.shape(self.nominal)[0], -1))
             rows.append(jnp.ravel(jnp.diff(along, n=self.smooth_order, axis=0)) / self.smooth)
@@ -166,13 +174,6 @@ class Parameters(eqx.Module):
         old = self[name]
         stated = {key: getattr(old, key) for key in old.__dataclass_fields__} | fields
         return Parameters(tuple(Parameter(**stated) if item is old else item for item in self.of))
-
-
-def _less_shared(rows: Float[Real, " size"], a: Float[Real, "..."]) -> Float[Real, " size"]:
-    """Whitened rows of covariance I + a a^T: (I - D u u^T) r, u = a / |a| and D = 1 - (1 + |a|^2)^(-1/2)."""
-    a = jnp.broadcast_to(a, rows.shape)
-    square = jnp.sum(a**2)
-    return rows - (1.0 - 1.0 / jnp.sqrt(1.0 + square)) / square * jnp.dot(a, rows) * a
 
 
 def _known(value: Any) -> np.ndarray | None:

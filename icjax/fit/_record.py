@@ -9,7 +9,7 @@ import numpy as np
 
 from icjax.files import labelled, load_record, names, save_record, static
 from icjax.interaction import JointCompliance
-from icjax.typing import Float, Int, Real
+from icjax.typing import Bool, Float, Int, Real
 
 
 class FitWindows(eqx.Module):
@@ -57,6 +57,20 @@ class FitWindows(eqx.Module):
     correlation: Float[Real, "window joint"] = labelled(
         "window", "joint", unit="1", doc="of log compliance with the mean of the reference"
     )
+
+
+class FitPeriods(eqx.Module):
+    """Compliance in every period in which it may be another (`FitOptions.compliance_by`): the session, trials, contacts.
+
+    `refused` says where the interval is too wide for a number to count.
+    """
+
+    period_names: tuple[str, ...] = names("period")
+    joint_names: tuple[str, ...] = names("joint")
+    compliance: Float[Real, "period joint"] = labelled("period", "joint", unit="rad/Nm", doc="m/N of a slide")
+    lower: Float[Real, "period joint"] = labelled("period", "joint", unit="rad/Nm", doc="of the 95 % interval")
+    upper: Float[Real, "period joint"] = labelled("period", "joint", unit="rad/Nm")
+    refused: Bool[Real, "period joint"] = labelled("period", "joint", unit="1", doc="the interval is too wide")
 
 
 class FittedParameters(eqx.Module):
@@ -116,6 +130,7 @@ class FitRecord(eqx.Module):
     chi2: float = static()  # mean square of the whitened residuals
     result: str = static()  # of the solver, a name of RESULTS
     warnings: tuple[str, ...] = static()
+    periods: FitPeriods
     parameters: FittedParameters
     windows: FitWindows
     variability: Float[Real, "process joint"] = labelled(

@@ -50,7 +50,8 @@ def contact_free(fit: SessionFit) -> Reference:
     by = np.where(np.abs(by) > AWARE * np.abs(by).max(axis=(0, 1, 2)), by, 0.0)
     covariance = np.asarray(fit.laplace.covariance)
     known = np.asarray(fit.laplace.determined)
-    compliance = made.problem.parameters.slices["compliance"]
+    place, period = made.problem.parameters.slices["compliance"], made.problem.measurements[0].period
+    compliance = np.arange(place.start, place.stop).reshape(-1, shape[2])
     angle, sd = np.full(shape, np.nan), np.full(shape, np.nan)
     correlation = np.full((shape[0], shape[2]), np.nan)
     for number, window in enumerate(made.windows):
@@ -58,7 +59,8 @@ def contact_free(fit: SessionFit) -> Reference:
         rows = by[number, :count]
         angle[number, :count] = motion.angle[window.samples] - deviation[number, :count]
         sd[number, :count] = np.sqrt(_variance(rows, covariance, known) + np.diagonal(motion.noise))
-        correlation[number] = _correlation(-rows.mean(axis=0), covariance, known, compliance)
+        own = compliance[0 if period is None else period[number]]
+        correlation[number] = _correlation(-rows.mean(axis=0), covariance, known, own)
         deviation[number, count:] = np.nan
     return Reference(deviation, angle, sd, correlation)
 
@@ -86,11 +88,10 @@ def _variance(
 
 
 def _correlation(
-    by: Float[np.ndarray, "joint n"], covariance: Float[np.ndarray, "n n"], known: np.ndarray, compliance: slice
+    by: Float[np.ndarray, "joint n"], covariance: Float[np.ndarray, "n n"], known: np.ndarray, own: np.ndarray
 ) -> Float[np.ndarray, " joint"]:
-    """Of each joint's log C with a quantity of the same joint whose derivative is a row of `by`."""
+    """Of each joint's log C, numbers `own`, with a quantity of the same joint whose derivative is a row of `by`."""
     variance = _variance(by, covariance, known)
-    own = np.arange(compliance.start, compliance.stop)
     Sigma = np.where(known[:, None] & known[None, :], covariance, 0.0)
     together = np.einsum("jn,jn->j", by, Sigma[own])
     scale = np.sqrt(variance * np.diagonal(covariance)[own])

@@ -1,5 +1,6 @@
 """A session to a problem: its contacts, its repetitions, and what is not known of subject and instruments."""
 
+import dataclasses
 import itertools
 from collections import Counter
 from typing import NamedTuple
@@ -35,7 +36,8 @@ GAIN_SD, DELAY_SD = 0.01, 0.0005
 class SessionProblem(NamedTuple):
     """What `session_problem` made: the problem, the motions and windows behind it, and what was expected of them.
 
-    `left_out` has a line about contacts that are not compared, and one about catch trials that are not used.
+    `periods` names those in which compliance is one: the session, every trial or every contact. `left_out` has a line
+    about contacts that are not compared, and one about catch trials that are not used.
     """
 
     problem: Problem
@@ -45,6 +47,7 @@ class SessionProblem(NamedTuple):
     dof_names: tuple[str, ...]
     expected: Expected
     left_out: tuple[str, ...] = ()
+    periods: tuple[str, ...] = ("session",)
 
 
 def session_problem(session: Session, options: FitOptions | None = None) -> SessionProblem:
@@ -93,14 +96,15 @@ def session_problem(session: Session, options: FitOptions | None = None) -> Sess
         raise ValueError(f"session {session.name!r}: the contact torque never varies ({varied:.1e} Nm)")
     groups, segments = segment_groups(model, dofs)
     expected = expectation(windows, motions, options)
-    measurement = measured(windows, motions, groups, expected, options)
+    periods, of = _periods(windows, options)
+    measurement = dataclasses.replace(measured(windows, motions, groups, expected, options), period=of)
     names = tuple(model.dof_names[dof] for dof in dofs)
-    parameters = _parameters(model, dofs, segments, next(iter(motions.values())).offset_names, options)
+    parameters = _parameters(model, dofs, segments, next(iter(motions.values())).offset_names, options, periods)
     if measurement.carried_doubt is not None:
         modes = np.zeros(np.shape(measurement.carried_doubt)[-1])
         parameters = Parameters((*parameters.of, Parameter("carried", modes, "prior sd", Identity(), 1.0)))
     problem = Problem(parameters, (measurement,))
-    return SessionProblem(problem, motions, tuple(windows), groups, names, expected, left_out)
+    return SessionProblem(problem, motions, tuple(windows), groups, names, expected, left_out, periods)
 
 
 def _check(session: Session, trials) -> None:
@@ -184,13 +188,36 @@ def _left_out(found: list[Window | str], repetitions: dict[str, list[Motion]]) -
     return tuple(lines)
 
 
-def _parameters(model: Model, dofs, segments, offsets, options: FitOptions) -> Parameters:
+def _periods(windows: list[Window], options: FitOptions) -> tuple[tuple[str, ...], np.ndarray | None]:
+    """Their names, and of every window the number of its own; None where there is one."""
+    if options.compliance_by == "session":
+        return ("session",), None
+    single = options.compliance_by == "contact"
+    own = [f"{window.trial} contact {window.event}" if single else window.trial for window in windows]
+    names = tuple(dict.fromkeys(own))
+    return names, np.array([names.index(name) for name in own])
+
+
+def _parameters(
+    model: Model, dofs, segments, offsets, options: FitOptions, periods: tuple[str, ...] = ("session",)
+) -> Parameters:
     names = tuple(model.dof_names[dof] for dof in dofs)
     stated = np.asarray(model.compliance, float)[list(dofs)]
     nominal = np.where(np.isfinite(stated) & (stated > 0), stated, options.typical_compliance)
     count = len(dofs)
+    compliance = Parameter("compliance", nominal, "rad/Nm", Log(), options.compliance_sd, labels=names)
+    if options.compliance_by != "session":
+        compliance = Parameter(
+            "compliance",
+            np.tile(nominal, (len(periods), 1)),
+            "rad/Nm",
+            Log(),
+            options.compliance_change,
+            options.compliance_sd,
+            labels=tuple(f"{name}, {period}" for period in periods for name in names),
+        )
     items = [
-        Parameter("compliance", nominal, "rad/Nm", Log(), options.compliance_sd, labels=names),
+        compliance,
         Parameter(
             "damping time",
             np.full(count, options.damping_time),

@@ -37,6 +37,7 @@ def fit_text(record: FitRecord) -> str:
         told = (f"{joint} {_interval(float(a), float(b))}" for joint, a, b in zip(
             record.joint_names, *np.asarray(record.profile), strict=True))  # fmt: skip
         lines += wrap(f"by profile likelihood: {', '.join(told)}", WIDTH, subsequent_indent="    ")
+    lines += _by_period(record)
     for joint, reason in zip(record.joint_names, record.refused, strict=True):
         if reason:
             lines += wrap(f"{joint} refused: {reason}", WIDTH, subsequent_indent="    ")
@@ -47,6 +48,19 @@ def fit_text(record: FitRecord) -> str:
     for text in (*record.warnings, *unusual_chi2(record), *far_from_prior(record)):
         lines += wrap(f"warning: {text}", WIDTH, subsequent_indent="    ")
     return "\n".join(lines)
+
+
+def _by_period(record: FitRecord) -> list[str]:
+    """Of every joint what each period says; none where there is one."""
+    periods, lines = record.periods, []
+    if len(periods.period_names) == 1:
+        return lines
+    for index, joint in enumerate(periods.joint_names):
+        rows = zip(periods.period_names, *(np.asarray(x)[:, index] for x in (
+            periods.compliance, periods.lower, periods.upper, periods.refused)), strict=True)  # fmt: skip
+        told = (f"{name} {'refused' if no else f'{value:.3g}'} {_interval(a, b)}" for name, value, a, b, no in rows)
+        lines += wrap(f"{joint} by {'; '.join(told)}", WIDTH, subsequent_indent="    ")
+    return lines
 
 
 def _interval(lower: float, upper: float) -> str:

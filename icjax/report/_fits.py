@@ -21,8 +21,11 @@ OPTIONS = {
     "spacing": "{:g} s between compared samples",
     "typical_compliance": "{:g} rad/Nm, centre of the prior where the model states none",
     "compliance_sd": "{:g}, of log C beforehand",
+    "compliance_by": "one in every {}",
+    "compliance_change": "{:g}, of log C of a trial or contact about what all have in common, where it may change",
+    "damping_time_spread": "{:g}, of a joint's about that of all joints",
     "damping_time": "{:g} s, damping over stiffness beforehand",
-    "damping_time_sd": "{:g}, of its logarithm beforehand",
+    "damping_time_sd": "{:g}, of its logarithm beforehand, for all joints together",
     "inertia_sd": "{:g}, relative, of the segments' masses beforehand",
     "shift_sd": "{:g} s, by which a repetition may begin earlier or later",
     "widest": "{:g}, largest ratio of an interval's ends that is not refused",
@@ -55,6 +58,7 @@ def _fit(number: int, fit: FitRecord, truth: Mapping[str, float], named: bool) -
     body += "".join(absent(line) for line in refused)
     told = [*fit.warnings, *far_from_prior(fit)]
     body += note(told) if told else ""
+    body += _by_period(fit)
     body += figure(
         view.svg(view.plot_fit_compliance(fit, truth), f"fit-{number}-compliance", "compliance with intervals"),
         "95 % intervals of the fit and of the paper's estimate of the same session. The latter state the scatter of "
@@ -125,6 +129,26 @@ def _compliances(fit: FitRecord, truth: Mapping[str, float]) -> tuple[list[str],
     return head, rows
 
 
+def _by_period(fit: FitRecord) -> str:
+    """Compliance of every trial or contact, where it may change."""
+    periods = fit.periods
+    if len(periods.period_names) == 1:
+        return ""
+    numbers = [np.asarray(x) for x in (periods.compliance, periods.lower, periods.upper, periods.refused)]
+    rows = [
+        [period, *(_cell(*(float(x[row, joint]) for x in numbers)) for joint in range(len(periods.joint_names)))]
+        for row, period in enumerate(periods.period_names)
+    ]
+    return paragraph(
+        "Compliance may change between these parts of the session; above are the geometric means. Each part is drawn to "
+        "what all have in common, so that a change must show in the data."
+    ) + table(["", *periods.joint_names], rows, words=(0,))
+
+
+def _cell(value: float, lower: float, upper: float, refused: float) -> str:
+    return f"{'refused' if refused else value_text(value)} {_whole(interval_text(lower, upper))}"
+
+
 def _whole(words: str) -> str:
     """Without a place to break the line."""
     return words.replace(" ", "\N{NO-BREAK SPACE}")
@@ -144,9 +168,14 @@ def _drawn(fit: FitRecord) -> tuple[list[str], list[str]]:
 
 def _assumed(fit: FitRecord) -> str:
     body = "<h3>What was assumed</h3>" + paragraph(
-        "Compliance and damping are constant through a session and the same in every contact; each joint has its own. "
-        "Masses, offsets of the joint angles, the place, gain and delay of the force sensor are uncertain within their "
-        "priors. "
+        (
+            "Compliance and damping are constant through a session and the same in every contact; each joint has its "
+            "own. "
+            if len(fit.periods.period_names) == 1
+            else "Damping time is constant through a session, compliance in each of its parts; each joint has its own. "
+        )
+        + "Masses, offsets of the joint angles, the place, gain and delay of the force sensor are uncertain within "
+        "their priors. "
         + (
             "A trial departs from what was intended as its catch trials depart from each other. "
             if fit.catch_trials

@@ -59,3 +59,28 @@ def test_the_gradient_of_the_evidence_is_right():
 def test_nothing_to_learn_from():
     with pytest.raises(ValueError, match="no stretch in which"):
         learn([], STATED, [], 0.015)
+
+
+def test_doubt_is_how_far_estimates_scatter():
+    """Of 60 sets of eight differences: logarithms miss the truth by what the covariances say, the slow process's apart
+    (its amplitude is the prior's where so few say little)."""
+    generator = np.random.default_rng(8)
+    missed, stated = [], []
+    for _ in range(60):
+        found = learn(curves(8, generator), STATED, [RHO] * 8, 0.015)
+        for joint in range(2):
+            pairs = (
+                (found.amplitude[:, joint], TRUTH.amplitude[:, joint]),
+                (found.noise[[joint]], TRUTH.noise[[joint]]),
+            )
+            missed.append(np.log(np.concatenate([a / b for a, b in pairs])))
+            stated.append(np.diagonal(found.doubt[joint]))
+    ratio = np.mean(np.square(missed), axis=0) / np.mean(stated, axis=0)
+    assert np.all(ratio > 0.5)
+    assert np.all(ratio < 1.6)
+
+
+def test_moved():
+    found = TRUTH.moved(1, np.log([2.0, 3.0, 0.5]))
+    np.testing.assert_allclose(found.amplitude, TRUTH.amplitude * [[1.0, 2.0], [1.0, 3.0]])
+    np.testing.assert_allclose(found.noise, TRUTH.noise * [1.0, 0.5])

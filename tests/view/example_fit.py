@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from icjax.fit import FitRecord, FittedParameters, FitWindows
+from icjax.fit import FitPeriods, FitRecord, FittedParameters, FitWindows
 from icjax.inference import QUANTILE
 from icjax.interaction import JointCompliance
 
@@ -34,6 +34,14 @@ def make_fit(name: str = "session", refused: tuple[str, ...] = ("", REASON)) -> 
         chi2=float(np.mean(residual**2)),
         result="solved",
         warnings=(),
+        periods=FitPeriods(
+            period_names=("session",),
+            joint_names=JOINTS,
+            compliance=np.exp(x)[None],
+            lower=lower[None],
+            upper=upper[None],
+            refused=np.array([[bool(reason) for reason in refused]]),
+        ),
         parameters=FittedParameters(
             parameter_names=("compliance wrist", "compliance MP", "sensor delay"),
             units=("rad/Nm", "rad/Nm", "s"),

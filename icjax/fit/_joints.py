@@ -1,0 +1,120 @@
+"""What a fit says of one joint: a number with an interval, or a refusal with its reason."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from icjax.fit._contacts import unexplained
+from icjax.fit._options import FitOptions
+from icjax.fit._problem import Problem
+from icjax.fit._session import SessionProblem
+from icjax.inference import QUANTILE, Laplace
+
+MOST_TIMES = 10.0
+"""Times the recorded contacts beyond which more of the same is no advice."""
+
+
+class JointFit(NamedTuple):
+    """Compliance of one joint, rad/Nm, with its 95 % interval; `refused` is the reason where there is no number.
+
+    `learned` is the share of the prior variance that the data removed; `width` the ratio of the interval's ends.
+    """
+
+    name: str
+    compliance: float
+    lower: float
+    upper: float
+    width: float
+    learned: float
+    refused: str
+
+
+def joints_of(made: SessionProblem, x: Any, known: Laplace, options: FitOptions) -> tuple[tuple[JointFit, ...], ...]:
+    """Of every joint for the session as a whole, then of every joint in every period.
+
+    With several periods the session's log C is the mean over them.
+    """
+    at = made.problem.parameters.slices["compliance"]
+    count = len(made.dof_names)
+    log_C = np.asarray(x)[at].reshape(-1, count)
+    S = np.asarray(known.covariance)[at, at]
+    loads = _loads(made, np.asarray(_deviation(made.problem, x)))
+    own = np.asarray(known.sd)[at].reshape(-1, count)
+    learned = np.asarray(known.learned)[at].reshape(-1, count)
+    periods = tuple(
+        tuple(map(_joint, made.dof_names, log_C[row], own[row], learned[row], loads, count * [options]))
+        for row in range(len(log_C))
+    )
+    if len(periods) == 1:
+        return periods[0], *periods
+    average = np.tile(np.eye(count), len(log_C)) / len(log_C)
+    sd = np.where(np.isfinite(own).all(axis=0), np.sqrt(np.maximum(np.diagonal(average @ S @ average.T), 0.0)), np.inf)
+    prior = options.compliance_sd**2 + options.compliance_change**2 / len(log_C)
+    said = np.clip(1.0 - sd**2 / prior, 0.0, 1.0)
+    return tuple(map(_joint, made.dof_names, log_C.mean(axis=0), sd, said, loads, count * [options])), *periods
+
+
+@eqx.filter_jit
+def _deviation(problem: Problem, x: Any) -> jax.Array:
+    """e of every frame."""
+    return problem.measurements[0].deviation(problem.parameters.values(x))
+
+
+class _Load(NamedTuple):
+    """Of one joint in the session's contacts: what they did to it and what would have to be known to see that."""
+
+    torque: float
+    moved: float
+    doubt: float
+    contacts: int
+    repeated: bool
+
+
+def _loads(made: SessionProblem, deviation: np.ndarray) -> list[_Load]:
+    """Largest torque and deflection of each joint, the median over contacts, and the doubt about its reference."""
+    rows = []
+    for number, window in enumerate(made.windows):
+        motion = made.motions[window.trial]
+        frames = slice(window.onset, window.last + 1)
+        whitening = np.asarray(made.problem.measurements[0].whitening)[number]
+        _, left = unexplained(whitening, window, motion.recording.rate, len(made.dof_names))
+        doubt = np.linalg.norm(left, axis=1).reshape(len(window.samples), -1)[-1]
+        moved = np.abs(deviation[number, : window.last - window.first + 1]).max(axis=0)
+        rows.append([np.abs(motion.torque[frames]).max(axis=0), moved, doubt])
+    torque, moved, doubt = np.median(rows, axis=0)
+    repeated = all(window.repetitions for window in made.windows)
+    return [
+        _Load(float(torque[joint]), float(moved[joint]), float(doubt[joint]), len(rows), repeated)
+        for joint in range(len(torque))
+    ]
+
+
+def _joint(name: str, x: Any, sd: Any, learned: Any, load: _Load, options: FitOptions) -> JointFit:
+    x, sd = float(x), float(sd)
+    width = float(np.exp(2.0 * QUANTILE * sd))
+    refused = "" if width <= options.widest else _refusal(width, sd, load, options)
+    lower, upper = np.exp(x - QUANTILE * sd), np.exp(x + QUANTILE * sd)
+    return JointFit(name, float(np.exp(x)), float(lower), float(upper), width, float(learned), refused)
+
+
+def _refusal(width: float, sd: float, load: _Load, options: FitOptions) -> str:
+    """How wide the interval is, what excitation there was, and what would give a number.
+
+    Information about log C grows with the number of contacts: it is what the data added to the prior's, divided by
+    their number.
+    """
+    told = (
+        f"its interval spans a factor of {width:.3g} (at most {options.widest:g}); contacts loaded it with "
+        f"{1e3 * load.torque:.3g} mNm and moved it by {np.degrees(load.moved):.2g} degrees, where it would be without "
+        f"them is known to {np.degrees(load.doubt):.2g} degrees (medians); missing: "
+    )
+    if not load.repeated:
+        return told + "catch trials, the same movement with the surface taken away"
+    wanted = (2.0 * QUANTILE / np.log(options.widest)) ** 2 - options.compliance_sd**-2
+    added = sd**-2 - options.compliance_sd**-2 if np.isfinite(sd) else 0.0
+    if wanted < MOST_TIMES * added:
+        count = int(np.ceil(load.contacts * wanted / added))
+        return told + f"about {count} such contacts in all, or such as load it more"
+    return told + "contacts whose force passes farther from its axis, or another posture"
