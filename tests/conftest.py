@@ -1,5 +1,6 @@
 """Strict by default: float64, no silent rank promotion, shapes and types checked at every call."""
 
+import gc
 import importlib.util
 import mmap
 import os
@@ -21,6 +22,7 @@ def _quick_compilation() -> list[str]:
 os.environ["XLA_FLAGS"] = " ".join(
     [os.environ.get("XLA_FLAGS", ""), *_quick_compilation()]
 ).strip()  # read once, by JAX
+gc.set_threshold(50_000, 50, 1000)  # tracing makes many small objects that live long
 os.environ.setdefault("NPROC", "1")  # XLA's threads would fight with the other workers of the suite
 
 import jax

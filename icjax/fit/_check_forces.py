@@ -9,7 +9,7 @@ from icjax.model import Model
 from icjax.synthesis import Scene, slot_names
 from icjax.typing import Bool, Float, Int, Real
 
-ROLES = ("compliance", "reference", "friction", "pad stiffness")
+ROLES = ("compliance", "reference", "friction", "pad stiffness", "sensor gain", "sensor bias", "sensor delay")
 
 MATCH = 1e-6
 """s; times farther apart are different."""

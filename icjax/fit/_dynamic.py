@@ -77,9 +77,9 @@ class DynamicEquilibrium(eqx.Module):
 
     - `period` [event]: the row of "compliance" that holds in an event; None: one holds in all.
 
-    **Uses** "compliance" (diagonal `[dof]` or full `[dof, dof]`; with periods one of them each), "damping time" `[dof]`,
-    "inertia" `[segment]`, "offsets" `[offset]` in units of its prior (`offset_factor` its Cholesky factor), "sensor gain" and "sensor delay",
-    "carried" `[mode]` in units of `carried_doubt` where there is one.
+    **Uses** "compliance" (diagonal `[dof]` or full `[dof, dof]`; with periods one of them each), "damping time"
+    `[dof]`, "inertia" `[segment]`, "offsets" `[offset]` in units of its prior (`offset_factor` its Cholesky factor),
+    "sensor gain" and "sensor delay", and where there is a `carried_doubt` "carried" `[mode]` in units of it.
 
     Source: the deviation form of Kry and Pai 2006, section 4.3; the whitening is ours.
     """

@@ -12,7 +12,8 @@ from icjax.fit._parameters import Parameter
 from icjax.fit._profile import profile
 from icjax.fit._record import FitPeriods, FitRecord, FittedParameters, FitWindows
 from icjax.fit._reference import contact_free
-from icjax.fit._result import SessionFit
+from icjax.fit._result import SessionFit, intervals
+from icjax.fit._solve import linearised
 from icjax.inference import QUANTILE, Identity, Log
 from icjax.interaction import JointCompliance
 from icjax.recording import Session
@@ -74,7 +75,10 @@ def _periods(fit: SessionFit) -> FitPeriods:
 
 
 def _profiles(fit: SessionFit) -> np.ndarray:
-    """**Errors**: `ValueError` where compliance changes: the mean of several is no number of the fit."""
+    """Ends of the intervals of C [end, joint], as much wider as Laplace's are for what is not known of variability.
+
+    **Errors**: `ValueError` where compliance changes: the mean of several is no number of the fit.
+    """
     if len(fit.periods) > 1:
         raise ValueError(
             f"profiles are of one compliance a joint; this fit has {len(fit.periods)} (compliance_by = "
@@ -83,7 +87,10 @@ def _profiles(fit: SessionFit) -> np.ndarray:
     problem, x = fit.made.problem, np.asarray(fit.solution.value.x)
     place = problem.parameters.slices["compliance"]
     found = [profile(problem, x, index) for index in range(place.start, place.stop)]
-    return np.exp([[item.lower for item in found], [item.upper for item in found]])
+    _, data, prior = linearised(problem, fit.solution.value.x)
+    wider = np.asarray(fit.laplace.sd / intervals(np.asarray(data), np.asarray(prior)).sd)[place]
+    ends = np.array([[item.lower for item in found], [item.upper for item in found]])
+    return np.exp(x[place] + wider * (ends - x[place]))
 
 
 def _kinds(fit: SessionFit) -> tuple[str, ...]:

@@ -60,7 +60,7 @@ class FitWindows(eqx.Module):
 
 
 class FitPeriods(eqx.Module):
-    """Compliance in every period in which it may be another (`FitOptions.compliance_by`): the session, trials, contacts.
+    """Compliance in every period in which it may be another (`FitOptions.compliance_by`): session, trials, contacts.
 
     `refused` says where the interval is too wide for a number to count.
     """

@@ -70,7 +70,7 @@ def fit_session(
     x = found.value.x
     residual, data, prior = linearised(made.problem, x)
     data, prior, rows = np.asarray(data), np.asarray(prior), np.asarray(residual)[: len(data)]
-    known = _intervals(data, prior)
+    known = intervals(data, prior)
     known = with_doubt(known, made, data, rows, options)
     compared = len(made.dof_names) * sum(len(window.samples) for window in made.windows)
     joints, *periods = joints_of(made, x, known, options)
@@ -81,7 +81,7 @@ def fit_session(
     )  # fmt: skip
 
 
-def _intervals(data: np.ndarray, prior: np.ndarray) -> Laplace:
+def intervals(data: np.ndarray, prior: np.ndarray) -> Laplace:
     """`laplace` in units of the priors: a delay in seconds beside logarithms is no blind direction."""
     return laplace(data, prior, scale=1.0 / np.linalg.norm(prior, axis=0))
 

@@ -41,9 +41,12 @@ class ContactForces(eqx.Module):
     - "friction": one number for all surfaces and objects or one each in their order; or "friction of NAME" of some.
       Without it: that of the scene.
     - "pad stiffness": one number or `[pad]`, N/m. Without it: that of the model.
+    - "sensor gain" and "sensor bias" (N): a sensor shows gain f + bias; one number or one a pad that was measured.
+      Without them: one and zero. A gain and stiffnesses that all change alike cannot be told apart by forces alone.
+    - "sensor delay": one number, s; a sensor shows what acted so much earlier, linear between rows. Without it: zero.
 
-    **Fields**: see the arguments; `rows` of the simulation that were measured, `gather` `[pad, slot]` which slots
-    act on a pad.
+    **Fields**: see the arguments; `rows` of the simulation that were measured, at its `times`, `gather` `[pad, slot]`
+    which slots act on a pad.
 
     **Arguments**
 
@@ -74,6 +77,7 @@ class ContactForces(eqx.Module):
     angles: Float[Real, "time nq"] | None
     angle_sd: Float[Real, "..."] | None
     rows: Int[Real, " time"]
+    times: Float[Real, " row"]
     gather: Float[Real, "pad slot"]
     counts: Bool[Real, " time"]
     adjoint: Exact | Smoothed | None
@@ -104,6 +108,7 @@ class ContactForces(eqx.Module):
         self.gather = pads_to_slots(what, model, scene, pads)
         rows, self.counts = measured_rows(what, scene, time, reference_time, counts)
         self.rows = jnp.asarray(rows)
+        self.times = jnp.asarray(time if reference_time is None else reference_time, float)
         check_forces(what, self, force, force_sd, nominal, basis, angles, angle_sd, time, reference_time)
         self.force = jnp.where(_wide(self.counts, force), jnp.asarray(force, float), 0.0)
         self.force_sd = jnp.asarray(force_sd, float)
@@ -128,11 +133,11 @@ class ContactForces(eqx.Module):
 
     def predict(self, values: Values) -> tuple[Float[Real, "time pad ..."], Float[Real, "time nq"]]:
         """Forces on the pads as they were measured (N) and coordinates (rad, m), at the samples."""
-        return self._sampled(self.simulate(values))
+        return self._sampled(self.simulate(values), values)
 
     def residual(self, values: Values) -> Float[Real, " row"]:
         """(measured - predicted) / sd of all forces, then of the angles; zero where a sample does not count."""
-        force, q = self._sampled(self.simulate(values))
+        force, q = self._sampled(self.simulate(values), values)
         off = (self.force - force) / jnp.broadcast_to(self.force_sd, force.shape)
         parts = [jnp.where(_wide(self.counts, off), off, 0.0).reshape(-1)]
         if self.angles is not None:
@@ -145,12 +150,30 @@ class ContactForces(eqx.Module):
         """How many steps of the simulation were not solved."""
         return jnp.sum(self.simulate(values).status != 0)
 
-    def _sampled(self, info: StepInfo):
-        force = info.contact_force
+    def _sampled(self, info: StepInfo, values: Values):
         if self.force.ndim == 2:
-            normal = jnp.sum(force * info.contact_normal, axis=2)
-            return normal[self.rows] @ jnp.abs(self.gather).T, info.q[self.rows]
-        return jnp.einsum("ps,tsa->tpa", self.gather, force[self.rows]), info.q[self.rows]
+            force = jnp.sum(info.contact_force * info.contact_normal, axis=2) @ jnp.abs(self.gather).T
+        else:
+            force = jnp.einsum("ps,tsa->tpa", self.gather, info.contact_force)
+        delay = of_role(self.uses, values, "sensor delay")
+        if delay is None:
+            force = force[self.rows]
+        else:
+            when = self.times[self.rows] - jnp.reshape(delay, ())
+            columns = force.reshape(len(force), -1)
+            columns = jax.vmap(lambda column: jnp.interp(when, self.times, column), 1, 1)(columns)
+            force = columns.reshape(-1, *force.shape[1:])
+        gain, bias = self._by_pad("sensor gain", values, 1.0), self._by_pad("sensor bias", values, 0.0)
+        return gain * force + bias, info.q[self.rows]
+
+    def _by_pad(self, what: str, values: Values, default: float):
+        """A sensor's number, to be broadcast over forces [time, pad, ...]."""
+        stated = of_role(self.uses, values, what)
+        if stated is None:
+            return default
+        if np.ndim(stated):
+            self._check(what, np.shape(stated), self.gather.shape[0])
+        return jnp.reshape(stated, (1, -1, *(1 for _ in self.force.shape[2:])))
 
     def _compliance(self, values: Values):
         dofs, nv = np.asarray(self.dofs), self.model.nv

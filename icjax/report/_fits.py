@@ -140,8 +140,8 @@ def _by_period(fit: FitRecord) -> str:
         for row, period in enumerate(periods.period_names)
     ]
     return paragraph(
-        "Compliance may change between these parts of the session; above are the geometric means. Each part is drawn to "
-        "what all have in common, so that a change must show in the data."
+        "Compliance may change between these parts of the session; above are the geometric means. Each part is drawn "
+        "to what all have in common, so that a change must show in the data."
     ) + table(["", *periods.joint_names], rows, words=(0,))
 
 

@@ -139,6 +139,17 @@ def test_what_sensors_see():
     )  # fmt: skip
     np.testing.assert_allclose(film.residual(values), np.zeros(15), atol=1e-9)
     assert film.residual(values).shape == (15,)
+    # Gain, bias and clock of a sensor: half a row late is the mean of two rows, the first stays.
+    sensor = {"sensor gain": jnp.array([1.2]), "sensor bias": jnp.array(0.3), "sensor delay": jnp.array(0.005)}
+    whole = measured(nominal, uses=("compliance", *sensor), basis=None)
+    shown, _ = whole.predict(values | sensor)
+    force = np.asarray(force)
+    earlier = np.concatenate([force[:1], 0.5 * (force[1:] + force[:-1])])
+    np.testing.assert_allclose(shown, 1.2 * earlier + 0.3, atol=1e-12)
+    forward = jax.jacfwd(lambda delay: whole.predict(values | sensor | {"sensor delay": delay})[0])(jnp.array(0.005))
+    np.testing.assert_allclose(forward[1:], -1.2 * np.diff(force, axis=0) / 0.01, rtol=1e-9, atol=1e-9)
+    with pytest.raises(ValueError, match=r"sensor gain must be \[1\]"):
+        whole.residual(values | sensor | {"sensor gain": jnp.ones(2)})
 
 
 @pytest.mark.parametrize(

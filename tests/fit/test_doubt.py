@@ -8,7 +8,7 @@ from icjax.fit import FitOptions
 from icjax.fit._contacts import measured
 from icjax.fit._doubt import with_doubt
 from icjax.fit._problem import Problem
-from icjax.fit._result import _intervals
+from icjax.fit._result import intervals
 from icjax.fit._solve import linearised
 
 
@@ -40,7 +40,7 @@ def test_total_covariance(fit):
 @pytest.mark.slow
 def test_what_is_known_adds_nothing(fit):
     residual, data, prior = (np.asarray(a) for a in linearised(fit.made.problem, jnp.asarray(fit.solution.value.x)))
-    plain = _intervals(data, prior)
+    plain = intervals(data, prior)
     known = fit.made.expected._replace(variability=fit.made.expected.variability._replace(doubt=None))
     made = fit.made._replace(expected=known)
     assert with_doubt(plain, made, data, residual[: len(data)], FitOptions()) is plain

@@ -9,7 +9,7 @@ import pytest
 from icjax.fit import Minimum, session_problem
 from icjax.fit._options import FitOptions
 from icjax.fit._repetitions import aligned
-from icjax.fit._result import _intervals, _warnings
+from icjax.fit._result import _warnings, intervals
 from icjax.fit._windows import contact_frames, motion_of, without_contact
 from icjax.recording import ContactEvents
 from icjax.results import RESULTS, Solution
@@ -164,7 +164,7 @@ def test_frames_near_a_touch_do_not_count(small):
 
 def test_units_do_not_make_directions_blind():
     """Of a compliance beside a sensor's delay in s, as hundreds of contacts tell it: all joints had been refused."""
-    found = _intervals(np.diag([0.1, 2e4]), np.diag([1.0, 2e3]))
+    found = intervals(np.diag([0.1, 2e4]), np.diag([1.0, 2e3]))
     np.testing.assert_allclose(found.sd, [1.01**-0.5, (4e8 + 4e6) ** -0.5])
 
 
