@@ -39,7 +39,7 @@ class Fit:
     """How long a finger still rings after a release, s."""
     typical_compliance: float = 0.5
     """Where the prior of a joint's compliance is centred if the model states none, rad/Nm."""
-    compliance_sd: float = 1.0
+    compliance_sd: float = 1.5
     """Standard deviation of that prior, of the logarithm of the compliance."""
     compliance_by: Literal["session", "trial", "contact"] = "session"
     """Where compliance may change; each trial's or contact's is then drawn to what all have in common."""

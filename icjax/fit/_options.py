@@ -25,7 +25,8 @@ class FitOptions:
 
     Reasons of the defaults: up to about 100 ms after a contact muscles act as they were set beforehand
     (reflexes), a voluntary approach lasts about a quarter of a second, hands weigh what textbooks say to
-    within a factor of two, joints are damped at a ratio of a third to critical or above. The width of the
+    within a factor of two, the compliance of joints goes from 0.03 (a tight grasp) to 10 rad/Nm (fingers at
+    rest), joints are damped at a ratio of a third to critical or above. The width of the
     masses' prior and the offsets among the parameters were settled while developing on simulated sessions
     whose truth was known: figures on those sessions are no independent test.
 
@@ -53,7 +54,7 @@ class FitOptions:
     settle: float = 0.15
     spacing: float = 0.008
     typical_compliance: float = 0.5
-    compliance_sd: float = 1.0
+    compliance_sd: float = 1.5
     compliance_by: str = "session"
     compliance_change: float = 0.3
     damping_time: float = 0.03
