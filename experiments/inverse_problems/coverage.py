@@ -5,10 +5,10 @@
 Every session has another subject: compliances, damping and the masses that the model is told are drawn from wider
 distributions than the priors of the fit (log C uniform within a factor of 14 about 0.5 rad/Nm, standard deviation 1.52
 where the prior has 1.5; damping times within a factor of 4.2, 0.83 where that of a joint has 0.81; masses log-normal,
-0.6 for 0.5). A subject who cannot reach the plate is drawn again. The session is recorded (MuJoCo, other physics than the fit), captured and
-fitted with its catch trials and without them, all with the defaults. Only joints that are not refused count; the
-refusal looks at the width of the interval alone. Every session is a line of coverage.jsonl, and a run goes on where
-the last one ended; coverage.json and coverage.png tell what all lines together say.
+0.6 for 0.5). A subject who cannot reach the plate is drawn again. The session is recorded (MuJoCo, other physics than
+the fit), captured and fitted with its catch trials and without them, all with the defaults. Only joints that are not
+refused count; the refusal looks at the width of the interval alone. Every session is a line of coverage.jsonl, and a
+run goes on where the last one ended; coverage.json and coverage.png tell what all lines together say.
 """
 
 import contextlib

@@ -70,18 +70,26 @@ class Fit:
         # Before the fit, which would be lost if it were interrupted here.
         with steps.step("the paper's estimate of the same session") as progress:
             paper = next(estimates(session, None, progress, (session.trials()[0].name,))).summary
-        with steps.step("fit to the response after contact") as progress:
-            try:
-                fit = fit_session(session, options, lambda now: progress(_done(now), _told(now)), checkpoint=checkpoint)
-            except KeyboardInterrupt:
-                if checkpoint.is_file():
-                    print("icjax: the steps taken are kept; --resume goes on from there", file=sys.stderr)
-                raise
-        with steps.step("reference trajectory with its band"):
-            record = fit_record(fit, session, paper, profiles=self.profile)
-            record.save(path)
+        try:
+            with steps.step("fit to the response after contact") as progress:
+                fit = fit_session(
+                    session,
+                    options,
+                    lambda now: progress(_done(now), _told(now)),
+                    checkpoint=checkpoint,
+                    keep_checkpoint=True,
+                )
+            with steps.step("reference trajectory with its band"):
+                record = fit_record(fit, session, paper, profiles=self.profile)
+                record.save(path)
+        except KeyboardInterrupt:
+            if checkpoint.is_file():
+                print("icjax: the steps taken are kept; --resume goes on from there", file=sys.stderr)
+            raise
         print(fit_text(record))
-        if checkpoint.is_file():
+        if record.result == "solved":
+            checkpoint.unlink(missing_ok=True)
+        elif checkpoint.is_file():
             print("--resume goes on from where it ended")
         print(f"wrote {path}")
 

@@ -1,5 +1,6 @@
 """`icjax report`: the records of a folder as one self-contained page."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -21,18 +22,21 @@ class Report:
 
         if not self.folder.is_dir():
             raise ValueError(f"{self.folder}: is not a folder")
-        with Steps(1).step("report"):
-            path = report_folder(self.folder, self.out)
+        with Steps(1).step("report") as progress:
+            path = report_folder(self.folder, self.out, progress)
         print(f"wrote {path}")
 
 
-def report_folder(folder: Path, out: Path | None = None) -> Path:
-    """Collect the records of a folder and write its page."""
+def report_folder(
+    folder: Path, out: Path | None = None, progress: Callable[[float, str], None] = lambda share, note: None
+) -> Path:
+    """Collect the records of a folder and write its page; `progress` is told the share that is done and what comes."""
     from icjax.fit import FitRecord
     from icjax.interaction import Interaction
     from icjax.recording import Session
-    from icjax.report import write_report
+    from icjax.report import Report
     from icjax.rollout import Rollout
+    from icjax.view import scene_name
 
     recording = folder / "recording.nc"
     interactions = sorted(folder.glob("interaction*.nc"))
@@ -40,15 +44,18 @@ def report_folder(folder: Path, out: Path | None = None) -> Path:
     if not (recording.exists() or interactions or fits or rollouts):
         raise ValueError(f"{folder}: holds no recording.nc, interaction.nc, fit_*.nc or rollout_*.nc")
     metrics = _metrics(folder / "metrics.json")
-    return write_report(
-        out or folder / "report.html",
-        session=Session.load(recording) if recording.exists() else None,
-        interactions=tuple(Interaction.load(path) for path in interactions),
-        rollouts=_told_apart([(path, Rollout.load(path)) for path in rollouts]),
-        fits=tuple(FitRecord.load(path) for path in fits),
-        metrics=metrics,
-        seed=metrics.get("seed") if metrics else None,
-    )
+    progress(0.0, "reading the records")
+    session = Session.load(recording) if recording.exists() else None
+    told = _told_apart([(path, Rollout.load(path)) for path in rollouts])
+    estimates = tuple(Interaction.load(path) for path in interactions)
+    report, parts = Report(), len(told) + 2
+    progress(0.0, "what was recorded, estimated and fitted")
+    report.measured(session, estimates, metrics, tuple(FitRecord.load(path) for path in fits))
+    for number, rollout in enumerate(told):
+        progress((number + 1) / parts, f"the rollout to {scene_name(rollout)}")
+        report.transferred(rollout)
+    progress((parts - 1) / parts, "forces, and the page itself")
+    return report.write(out or folder / "report.html", metrics=metrics, seed=metrics.get("seed") if metrics else None)
 
 
 def _told_apart(found: list) -> tuple:

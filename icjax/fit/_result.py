@@ -51,6 +51,7 @@ def fit_session(
     progress: Callable[[Progress], Any] | None = None,
     cancelled: Callable[[], bool] | None = None,
     checkpoint: str | os.PathLike | None = None,
+    keep_checkpoint: bool = False,
 ) -> SessionFit:
     """Compliance of every joint from the response to all contacts of a session, with intervals.
 
@@ -60,13 +61,19 @@ def fit_session(
     not load it enough. No truth and no result enters that rule.
     Without catch trials intervals include what was planned after contact (`session_problem`).
 
-    **Arguments**: `progress`, `cancelled` and `checkpoint` are those of `solve`.
+    **Arguments**: `progress`, `cancelled`, `checkpoint` and `keep_checkpoint` are those of `solve`.
 
     **Errors**: those of `session_problem`.
     """
     options = options or FitOptions()
     made = session_problem(session, options)
-    found = solve(made.problem, progress=progress, cancelled=cancelled, checkpoint=checkpoint)
+    found = solve(
+        made.problem,
+        progress=progress,
+        cancelled=cancelled,
+        checkpoint=checkpoint,
+        keep_checkpoint=keep_checkpoint,
+    )
     x = found.value.x
     residual, data, prior = linearised(made.problem, x)
     data, prior, rows = np.asarray(data), np.asarray(prior), np.asarray(residual)[: len(data)]

@@ -56,6 +56,7 @@ def solve(
     progress: Callable[[Progress], Any] | None = None,
     cancelled: Callable[[], bool] | None = None,
     checkpoint: str | os.PathLike | None = None,
+    keep_checkpoint: bool = False,
 ) -> Solution[Minimum]:
     """Minimise half the sum of squares of a problem's residuals.
 
@@ -73,7 +74,7 @@ def solve(
     - `progress`: told a `Progress` after every step. `cancelled`: asked before each; the best x so far is returned
       with the result `not_converged`.
     - `checkpoint`: file, complete or not at all, that holds stage and x after every step; a later call goes on from
-      it, and it is removed at the end. It starts the step's damping anew.
+      it, and it is removed at the end unless `keep_checkpoint`. It starts the step's damping anew.
 
     **Returns** `result` `solved`, `not_converged` (steps, cancelled) or `invalid_input` (a residual that is not
     finite at the start); `stats` has `steps`, `evaluations` and `seconds`.
@@ -118,7 +119,7 @@ def solve(
         if cancelled is not None and cancelled() and not done:
             break
     cost, gradient = _cost_and_gradient(stages[-1], x)
-    if result == RESULTS.solved and checkpoint is not None:
+    if result == RESULTS.solved and checkpoint is not None and not keep_checkpoint:
         Path(checkpoint).unlink(missing_ok=True)
     stats = {"steps": steps, "evaluations": evaluations, "seconds": time.perf_counter() - begin}
     return Solution(value=Minimum(x, cost, gradient), result=result, stats=stats)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from view.example_fit import make_fit
 
+import icjax.fit
 from icjax.cli import _fit as verb
 from icjax.cli import main
 from icjax.files import layout_problems
@@ -127,6 +128,15 @@ def test_verb_is_interrupted_and_goes_on(session, recorded, tmp_path, capsys, mo
         assert main(["fit", str(tmp_path / "recording.nc")]) == 130
     assert "--resume goes on from there" in capsys.readouterr().err
     (kept,) = tmp_path.glob("*.checkpoint")
+
+    def too_late(*arguments, **options):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(icjax.fit, "fit_record", too_late)
+        assert main(["fit", str(tmp_path / "recording.nc"), "--resume"]) == 130
+    assert "--resume goes on from there" in capsys.readouterr().err
+    assert kept.exists()
     assert main(["fit", str(tmp_path / "recording.nc"), "--resume"]) == 0
     told = capsys.readouterr().out
     assert not kept.exists()
