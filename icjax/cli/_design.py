@@ -25,7 +25,7 @@ class Design:
     model: Literal["index_finger"] | None = None
     """In place of a file: a shipped model with candidates of ours."""
     catch_trials: int | None = None
-    """Catch trials of every trial, in place of the file's (2 if it says nothing)."""
+    """Catch trials of every trial, 0 for none, in place of the file's (2 if it says nothing)."""
     contacts: int | None = None
     """Contacts of every probe, in place of the file's."""
     best: int = 3
@@ -109,13 +109,14 @@ def text(plan: "Plan", found: dict[str, Any]) -> str:
     label = min(max(len(row["probe"]) for row in found["probes"]), WIDEST_NAME)
     head = "".join(f"{joint[:9]:>10s}" for joint in found["joints"])
     lines = [
-        f"expected 95 % intervals, largest over smallest value; {found['catch trials']} catch trials a trial; "
+        f"expected 95 % intervals, largest over smallest value; {found['catch trials'] or 'no'} catch trials a trial; "
         f"* above {found['widest']:g}: no number",
         f"{'probe':{label}s} {'contacts':>8s}{head}",
     ]
     for row in found["probes"]:
         lines.append(f"{row['probe'][:label]:{label}s} {row['contacts']:8d}{_cells(row['width'], found['widest'])}")
-    missing = [line for row in found["probes"] for line in _missing(found["joints"], row)]
+    open_by = "repetitions leave" if found["catch trials"] else "the movement before contact leaves"
+    missing = [line for row in found["probes"] for line in _missing(found["joints"], row, open_by)]
     lines += ["", *(missing or ["every joint gets a number from every probe"]), ""]
     for item in found["best sets"]:
         lines.append(f"best {len(item['probes'])} of {item['contacts']} contacts: {'; '.join(item['probes'])}")
@@ -130,7 +131,7 @@ def _cells(width: list[float | None], widest: float) -> str:
     return "".join(f"{item:>10s}" for item in shown)
 
 
-def _missing(joints: list[str], row: dict[str, Any]) -> list[str]:
+def _missing(joints: list[str], row: dict[str, Any], open_by: str) -> list[str]:
     from math import degrees
 
     lines = []
@@ -141,7 +142,7 @@ def _missing(joints: list[str], row: dict[str, Any]) -> list[str]:
         cure = "more contacts do not help" if needed is None else f"or {needed:.0f} contacts"
         lines.append(
             f"{row['probe']}: {joint} is loaded by {1e3 * row['torque Nm'][j]:.1f} mNm and moves "
-            f"{degrees(row['deflection rad'][j]):.2f} degrees where repetitions leave "
+            f"{degrees(row['deflection rad'][j]):.2f} degrees where {open_by} "
             f"{degrees(row['doubt rad'][j]):.2f} open; missing: a contact that loads it more, {cure}"
         )
     return lines

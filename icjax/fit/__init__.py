@@ -15,6 +15,7 @@ from icjax.fit._options import FitOptions as FitOptions
 from icjax.fit._parameters import Parameter as Parameter
 from icjax.fit._parameters import Parameters as Parameters
 from icjax.fit._parameters import Values as Values
+from icjax.fit._planned_movement import PlannedMovement as PlannedMovement
 from icjax.fit._probe import Instruments as Instruments
 from icjax.fit._probe import Probe as Probe
 from icjax.fit._problem import Measurement as Measurement
