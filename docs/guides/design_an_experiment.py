@@ -30,7 +30,16 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from icjax.capture import capture, read_session
-from icjax.fit import FitRecord, Probe, Variability, design, finger_candidates, fit_record, fit_session
+from icjax.fit import (
+    FitRecord,
+    Probe,
+    Variability,
+    design,
+    design_text,
+    finger_candidates,
+    fit_record,
+    fit_session,
+)
 from icjax.laboratory import record
 from icjax.model import pad_positions
 from icjax.recording import Session
@@ -93,6 +102,13 @@ _ = figure.supxlabel("interval after 12 contacts, largest over smallest value; b
 # Probes are sorted by their worst joint. Bold means that the interval would span more than a factor of four: the fit
 # would refuse the joint. Look along a row for what a contact tells, and down a column for what a joint needs.
 #
+# The same as text, what `icjax design` prints: the table, what a refused joint is missing, and the best contacts to
+# combine.
+
+# %%
+print(design_text(plan, best=2))
+
+# %% [markdown]
 # Why a joint is told or not is in three numbers: the torque that the contact puts on it, how far that moves it, and
 # how far repetitions differ anyway. The largest of one contact, for the level plate and the best:
 

@@ -8,6 +8,7 @@ from icjax.fit._check_fit import far_from_prior as far_from_prior
 from icjax.fit._design import Design as Design
 from icjax.fit._design import Expectation as Expectation
 from icjax.fit._design import design as design
+from icjax.fit._design_figures import design_figures as design_figures
 from icjax.fit._dynamic import DynamicEquilibrium as DynamicEquilibrium
 from icjax.fit._dynamic import response as response
 from icjax.fit._make_record import fit_record as fit_record
@@ -42,5 +43,6 @@ from icjax.fit._solve import multi_start as multi_start
 from icjax.fit._solve import solve as solve
 from icjax.fit._spline import spline_basis as spline_basis
 from icjax.fit._static import StaticEquilibrium as StaticEquilibrium
+from icjax.fit._text import design_text as design_text
 from icjax.fit._text import fit_text as fit_text
 from icjax.fit._variability import Variability as Variability

@@ -8,7 +8,7 @@ import pytest
 
 from icjax.cli import main
 from icjax.files import FileError
-from icjax.fit import finger_candidates, finger_normal, read_design
+from icjax.fit import design, design_text, finger_candidates, finger_normal, read_design
 from icjax.fit._expected_contact import touch_of
 from icjax.model import index_finger
 
@@ -94,6 +94,16 @@ def test_a_plan_without_catch_trials(plan, capsys):
     assert read_design(plan).catch_trials == 0
     assert main(["design", str(plan)]) == 0
     assert capsys.readouterr().out == printed
+
+
+def test_the_table_is_that_of_python(plan, capsys):
+    assert main(["design", str(plan), "--best", "2"]) == 0
+    planned = read_design(plan)
+    made = design(planned.model, planned.probes, planned.catch_trials, noise=planned.noise)
+    assert capsys.readouterr().out == design_text(made, 2) + "\n"
+    assert design_text(made, 9) == design_text(made, 2)
+    with pytest.raises(ValueError, match="best = 0"):
+        design_text(made, 0)
 
 
 @pytest.mark.parametrize(
