@@ -27,7 +27,8 @@ class Design:
     contacts: int | None = None
     """Contacts of every probe, in place of the file's."""
     best: int = 3
-    """How many contacts to combine, chosen one after the other."""
+    """How many contacts to combine: chosen one after the other (greedy), then exchanged one for another while that
+    narrows the widest joint, which may miss the best set."""
     out: Path | None = None
     """File for the figures, JSON; nothing is written if not given."""
 

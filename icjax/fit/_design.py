@@ -97,7 +97,9 @@ class Design:
         return tuple(sorted(range(len(self.probes)), key=lambda item: _badness(self.expected([item]).width)))
 
     def best_set(self, k: int, contacts: float | int | None = None) -> tuple[int, ...]:
-        """k probes, the next always the one with which the largest width of any joint is least (greedy).
+        """k probes with which the largest width of any joint is small: the next always the one with which it is least
+        (greedy), then one exchanged for another while that makes it less. No search of all sets: the best may be
+        missed.
 
         **Arguments**: `contacts` in all, shared evenly among those chosen so far; default each probe's own.
 
@@ -105,11 +107,20 @@ class Design:
         """
         if not 1 <= k <= len(self.probes):
             raise ValueError(f"k = {k}: must be 1 to {len(self.probes)}, the number of probes")
+
+        def badness(chosen: tuple[int, ...]) -> tuple[float, float]:
+            return _badness(self.expected(sorted(chosen), contacts).width)
+
         chosen: tuple[int, ...] = ()
         while len(chosen) < k:
+            chosen = min(((*chosen, item) for item in range(len(self.probes)) if item not in chosen), key=badness)
+        while k < len(self.probes):
             rest = [item for item in range(len(self.probes)) if item not in chosen]
-            tried = [_badness(self.expected([*chosen, item], contacts).width) for item in rest]
-            chosen = (*chosen, rest[min(range(len(rest)), key=tried.__getitem__)])
+            swapped = [(*chosen[:at], item, *chosen[at + 1 :]) for at in range(k) for item in rest]
+            better = min(swapped, key=badness)
+            if badness(better) >= badness(chosen):
+                break
+            chosen = better
         return chosen
 
     def contacts_needed(self, chosen: Sequence[int]) -> Float[np.ndarray, " joint"]:

@@ -129,13 +129,6 @@ def test_the_middle_joint_is_barely_loaded_by_a_tap_that_sticks(planned):
     assert planned.ranking()[0] == 1
 
 
-def test_best_set_is_greedy_and_ordered(planned):
-    assert planned.best_set(1) == planned.ranking()[:1]
-    chosen = planned.best_set(3, contacts=12)
-    assert len(set(chosen)) == 3
-    assert chosen[0] == planned.best_set(1, contacts=12)[0]
-
-
 def test_contacts_needed(planned):
     """With so many there is a number, with many fewer there is none; fewer than three are never fitted."""
     needed = planned.contacts_needed([0])
@@ -251,8 +244,6 @@ def test_bad_designs(planned):
     stiff = dataclasses.replace(TAP, pad_stiffness=1e6)  # widths would be those of a simulation that went astray
     with pytest.raises(ValueError, match=r"'tap': pad_stiffness = 1e\+06 N/m: its contact can be simulated up to 2"):
         design(MODEL, [stiff])
-    with pytest.raises(ValueError, match="k = 9"):
-        planned.best_set(9)
     with pytest.raises(ValueError, match="chosen"):
         planned.expected([7])
     with pytest.raises(ValueError, match="marker_sd"):
