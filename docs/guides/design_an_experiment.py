@@ -30,7 +30,16 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from icjax.capture import capture, read_session
-from icjax.fit import FitRecord, Probe, Variability, design, finger_candidates, fit_record, fit_session
+from icjax.fit import (
+    FitRecord,
+    Probe,
+    Variability,
+    design,
+    design_text,
+    finger_candidates,
+    fit_record,
+    fit_session,
+)
 from icjax.laboratory import record
 from icjax.model import pad_positions
 from icjax.recording import Session
@@ -93,6 +102,13 @@ _ = figure.supxlabel("interval after 12 contacts, largest over smallest value; b
 # Probes are sorted by their worst joint. Bold means that the interval would span more than a factor of four: the fit
 # would refuse the joint. Look along a row for what a contact tells, and down a column for what a joint needs.
 #
+# The same as text, what `icjax design` prints: the table, what a refused joint is missing, and the best contacts to
+# combine.
+
+# %%
+print(design_text(plan, best=2))
+
+# %% [markdown]
 # Why a joint is told or not is in three numbers: the torque that the contact puts on it, how far that moves it, and
 # how far repetitions differ anyway. The largest of one contact, for the level plate and the best:
 
@@ -149,14 +165,15 @@ for chosen in ([level], [best], pair):
 
 # %%
 print(f"{'12 contacts':26s}{'catch trials':>13s}" + "".join(f"{joint:>8s}" for joint in joints))
-for catch_trials in (1, 2, 8):
+for catch_trials in (0, 1, 2, 8):
     other = design(model, [probes[level], probes[best]], catch_trials, variability=variability)
     for probe, widths in zip(other.probes, other.widths, strict=True):
         print(f"{probe.name:26s}{catch_trials:13d}" + "".join(f"{width:8.2f}" for width in widths))
 
 # %% [markdown]
-# The second catch trial helps a little, further ones hardly. Another posture does what no number of catch trials does.
-# None at all is another matter: [](catch_trials.py).
+# The first catch trial buys nearly everything. Without any, a movement that goes on and a joint that gives way look
+# alike, and the plan says so before anyone has come ([](catch_trials.py) shows it on a recording). The second helps a
+# little, further ones hardly. Another posture does what no number of catch trials does.
 #
 # ## Does it foretell the pilot?
 #

@@ -8,6 +8,7 @@ from icjax.fit._check_fit import far_from_prior as far_from_prior
 from icjax.fit._design import Design as Design
 from icjax.fit._design import Expectation as Expectation
 from icjax.fit._design import design as design
+from icjax.fit._design_figures import design_figures as design_figures
 from icjax.fit._dynamic import DynamicEquilibrium as DynamicEquilibrium
 from icjax.fit._dynamic import response as response
 from icjax.fit._joints import JointFit as JointFit
@@ -16,6 +17,7 @@ from icjax.fit._options import FitOptions as FitOptions
 from icjax.fit._parameters import Parameter as Parameter
 from icjax.fit._parameters import Parameters as Parameters
 from icjax.fit._parameters import Values as Values
+from icjax.fit._planned_movement import PlannedMovement as PlannedMovement
 from icjax.fit._probe import Instruments as Instruments
 from icjax.fit._probe import Probe as Probe
 from icjax.fit._problem import Measurement as Measurement
@@ -42,5 +44,6 @@ from icjax.fit._solve import multi_start as multi_start
 from icjax.fit._solve import solve as solve
 from icjax.fit._spline import spline_basis as spline_basis
 from icjax.fit._static import StaticEquilibrium as StaticEquilibrium
+from icjax.fit._text import design_text as design_text
 from icjax.fit._text import fit_text as fit_text
 from icjax.fit._variability import Variability as Variability

@@ -139,7 +139,7 @@ def measured(
         if modes is not None:
             s = (window.samples - window.onset) / rate
             speeds = np.zeros(dofs) if window.repetitions else pace(s, motion.angle[window.samples])
-            effect = _filled(_systematic(modes, s, speeds), count)
+            effect = _filled(systematic(modes, s, speeds), count)
             rows["common"].append(rows["W"][-1] @ effect.reshape(count * dofs, -1))
     columns = principal([part.sum(axis=1).reshape(-1, part.shape[-1]) for part in doubts], MODES)
     uncertain = np.stack([_filled(part @ columns, length) for part in doubts]) if any(map(np.any, doubts)) else None
@@ -182,7 +182,7 @@ def repeated_covariance(
     return K
 
 
-def _systematic(modes: tuple[np.ndarray, list[np.ndarray]], s: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+def systematic(modes: tuple[np.ndarray, list[np.ndarray]], s: np.ndarray, speeds: np.ndarray) -> np.ndarray:
     """What the modes of all joints, one after the other, do to the angles [sample, dof, mode]."""
     at, of = modes
     result = np.zeros((len(s), len(of), sum(part.shape[1] for part in of)))

@@ -12,13 +12,14 @@ from icjax.estimation import compliant_dofs
 from icjax.fit._expected_contact import angle_errors, movement, touch_of
 from icjax.fit._inertia import linear_inertia, segment_groups
 from icjax.fit._options import FitOptions
-from icjax.fit._parameters import Parameters
+from icjax.fit._parameters import Parameter, Parameters
 from icjax.fit._planned import BLOCK, Plan, jacobians
+from icjax.fit._planned_movement import PlannedMovement, typical_movement
 from icjax.fit._probe import Instruments, Probe, check_probe
 from icjax.fit._session import LEAST_EVENTS, _parameters
 from icjax.fit._variability import TYPICAL, Variability
 from icjax.fit._windows import POINT_SD, _coordinates
-from icjax.inference import QUANTILE, jacobian, laplace
+from icjax.inference import QUANTILE, Identity, jacobian, laplace
 from icjax.model import Model, neutral
 from icjax.running import on_full_blocks
 from icjax.typing import Bool, Float
@@ -44,10 +45,11 @@ class Design:
     - `probes`, `joints`: their names; `widths` [probe, joint] and `refused`: each probe alone.
     - `torque` Nm (filtered as recorded) and `deflection` rad [probe, joint]: largest of one contact in the window that
       is compared;
-      `doubt` rad [probe, joint]: standard deviation of the angle against its repetitions at the end of that window,
-      given the time before contact.
+      `doubt` rad [probe, joint]: standard deviation of the angle against its repetitions (without catch trials, of the
+      angle) at the end of that window, given the time before contact.
     - `factor` [probe, number, number]: R of one contact, R^T R its information on x of `parameters`; `prior`
-      the Jacobian of the priors.
+      the Jacobian of the priors. Without catch trials "common" is one of the parameters: what all contacts of a plan
+      share (`Common`).
     """
 
     probes: tuple[Probe, ...]
@@ -95,7 +97,9 @@ class Design:
         return tuple(sorted(range(len(self.probes)), key=lambda item: _badness(self.expected([item]).width)))
 
     def best_set(self, k: int, contacts: float | int | None = None) -> tuple[int, ...]:
-        """k probes, the next always the one with which the largest width of any joint is least (greedy).
+        """k probes with which the largest width of any joint is small: the next always the one with which it is least
+        (greedy), then one exchanged for another while that makes it less. No search of all sets: the best may be
+        missed.
 
         **Arguments**: `contacts` in all, shared evenly among those chosen so far; default each probe's own.
 
@@ -103,11 +107,20 @@ class Design:
         """
         if not 1 <= k <= len(self.probes):
             raise ValueError(f"k = {k}: must be 1 to {len(self.probes)}, the number of probes")
+
+        def badness(chosen: tuple[int, ...]) -> tuple[float, float]:
+            return _badness(self.expected(sorted(chosen), contacts).width)
+
         chosen: tuple[int, ...] = ()
         while len(chosen) < k:
+            chosen = min(((*chosen, item) for item in range(len(self.probes)) if item not in chosen), key=badness)
+        while k < len(self.probes):
             rest = [item for item in range(len(self.probes)) if item not in chosen]
-            tried = [_badness(self.expected([*chosen, item], contacts).width) for item in rest]
-            chosen = (*chosen, rest[min(range(len(rest)), key=tried.__getitem__)])
+            swapped = [(*chosen[:at], item, *chosen[at + 1 :]) for at in range(k) for item in rest]
+            better = min(swapped, key=badness)
+            if badness(better) >= badness(chosen):
+                break
+            chosen = better
         return chosen
 
     def contacts_needed(self, chosen: Sequence[int]) -> Float[np.ndarray, " joint"]:
@@ -127,6 +140,7 @@ def design(
     options: FitOptions | None = None,
     noise: Instruments | None = None,
     variability: Variability | None = None,
+    planned_movement: PlannedMovement | None = None,
 ) -> Design:
     """Expected 95 % intervals of the compliance of every compliant joint from contacts that might be recorded.
 
@@ -138,16 +152,23 @@ def design(
     `fit_session` give the standard deviations of log C (`laplace`). Unknown with C are damping times, masses, offsets
     of all coordinates, the place of the force, gain and delay of its sensor.
 
+    Without catch trials the covariance is that of a movement foretold from before contact
+    (`PlannedMovement.covariance`) at the pace of the intended one, and unknown besides are its `modes`, the same
+    numbers for all contacts (`Common`): they do not average out, however many contacts there are.
+
     Assumed: posture, Jacobian and inertia stay those of the first touch; contacts are independent, their number alone
-    makes intervals narrower; the force itself is measured without noise, by one sensor for all probes; the plane is
-    rigid, at rest, and touches nothing but the named point, whatever lies behind it; a root that yields stays at rest
-    too; the window before contact is free of the contact before; there are no outliers and no dropouts. The nominal C
-    matters: a stiffer joint deflects less, so its interval is wider. A session needs at least three contacts.
+    makes intervals narrower (without catch trials, independent but for the modes); the force itself is measured without
+    noise, by one sensor for all probes; the plane is rigid, at rest, and touches nothing but the named point, whatever
+    lies behind it; a root that yields stays at rest too; the window before contact is free of the contact before; there
+    are no outliers and no dropouts. The nominal C matters: a stiffer joint deflects less, so its interval is wider. A
+    session needs at least three contacts.
 
-    **Arguments**: `catch_trials` of every trial; `noise` of the instruments; `variability` of repetitions, of a pilot
-    session (`session_problem(...).expected.variability`) or typical.
+    **Arguments**: `catch_trials` of every trial, zero or more; `noise` of the instruments; `variability` of
+    repetitions, used where there are catch trials, and `planned_movement`, used where there are none: of a pilot
+    session (`session_problem(...).expected.variability` and `.movement`) or typical.
 
-    **Errors**: `ValueError` for no probe, two of one name, a model without compliant joint, and those of `Probe`, of
+    **Errors**: `ValueError` for no probe, two of one name, a model without compliant joint, `variability` or
+    `planned_movement` of another number of joints or a `planned_movement` that is not finite, and those of `Probe`, of
     coordinates beyond the model's range, and of a contact that the model does not have.
 
     **Source**: the information matrix of a planned experiment: Fedorov 1972, Theory of optimal experiments.
@@ -158,10 +179,11 @@ def design(
     _check(model, probes, catch_trials, dofs)
     if variability is None:
         variability = Variability(np.tile(np.asarray(TYPICAL)[:, None], (1, len(dofs))), np.ones(len(dofs)), 1.0)
-    if np.shape(variability.amplitude) != (2, len(dofs)) or np.shape(variability.noise) != (len(dofs),):
-        raise ValueError(f"variability: amplitude is {list(np.shape(variability.amplitude))} and noise "
-                         f"{list(np.shape(variability.noise))}; the model has {len(dofs)} compliant degrees of "
-                         "freedom, they must be [2, that many] and [that many]")  # fmt: skip
+    if planned_movement is None:
+        planned_movement = typical_movement(len(dofs))
+    _check_movement(variability, planned_movement, len(dofs))
+    foretold = planned_movement if catch_trials == 0 else None
+    modes = None if foretold is None else foretold.modes(options.before, options.after)
     groups, segments = segment_groups(model, dofs)
     offset_names = (*model.dof_names, *(f"contact {axis}" for axis in "xyz"))
     parameters = _parameters(model, dofs, segments, offset_names, options)
@@ -173,7 +195,7 @@ def design(
     speed[:, list(dofs)] = [probe.speed * move for probe, move in zip(probes, moves, strict=True)]
     rows = np.array([probe.q for probe in probes]), speed, at_rest
     inertia = on_full_blocks(partial(linear_inertia, model, groups, dofs), *rows, block=BLOCK)
-    plan = Plan(model, dofs, options, noise, variability, catch_trials)
+    plan = Plan(model, dofs, options, noise, variability, catch_trials, foretold, modes)
     events = [
         plan.event(probe, touch, move, tuple(np.asarray(part)[item] for part in inertia), C)
         for item, (probe, touch, move) in enumerate(zip(probes, touches, moves, strict=True))
@@ -182,6 +204,11 @@ def design(
     offset[: model.nv, : model.nv] = angle_errors(model, np.asarray(neutral(model)), noise)[1]
     offset[model.nv :, model.nv :] = POINT_SD**2 * np.eye(3)
     J = jacobians(model, dofs, noise.rate, offset, events, parameters)
+    if modes is not None:
+        alike = np.stack([event["common"] for event in events])
+        J = np.concatenate([J, alike], axis=2)
+        shared = Parameter("common", np.zeros(alike.shape[2]), "prior sd", Identity(), 1.0)
+        parameters = Parameters((*parameters.of, shared))
     factor = np.stack([np.linalg.qr(np.concatenate([item, np.zeros((item.shape[1],) * 2)]), mode="r") for item in J])
     told = [np.stack([np.asarray(event[key]) for event in events]) for key in ("peak", "deflection", "doubt")]
     names = tuple(model.dof_names[dof] for dof in dofs)
@@ -195,15 +222,31 @@ def _check(model: Model, probes: tuple[Probe, ...], catch_trials: int, dofs: tup
     _coordinates(model, dofs)
     if not probes:
         raise ValueError("probes: none given")
-    if isinstance(catch_trials, bool) or not isinstance(catch_trials, int) or catch_trials < 1:
-        raise ValueError(
-            f"catch_trials = {catch_trials}: must be a whole number of at least 1; a session without is not planned"
-        )
+    if isinstance(catch_trials, bool) or not isinstance(catch_trials, int) or catch_trials < 0:
+        raise ValueError(f"catch_trials = {catch_trials}: must be a whole number of at least 0")
     names = [probe.name for probe in probes]
     for probe in probes:
         if names.count(probe.name) > 1:
             raise ValueError(f"probes: two are named {probe.name!r}")
         check_probe(model, probe)
+
+
+def _check_movement(variability: Variability, planned: PlannedMovement, dofs: int) -> None:
+    if np.shape(variability.amplitude) != (2, dofs) or np.shape(variability.noise) != (dofs,):
+        raise ValueError(
+            f"variability: amplitude is {list(np.shape(variability.amplitude))} and noise "
+            f"{list(np.shape(variability.noise))}; the model has {dofs} compliant degrees of freedom, they must be "
+            "[2, that many] and [that many]"
+        )
+    for name, value in planned._asdict().items():
+        wanted = () if name == "inflation" else (dofs,)
+        if np.shape(value) != wanted:
+            raise ValueError(
+                f"planned_movement: {name} is {list(np.shape(value))}; the model has {dofs} compliant degrees of "
+                f"freedom, it must be {list(wanted)}"
+            )
+        if not (np.isfinite(value).all() and np.all(np.asarray(value) > 0)):
+            raise ValueError(f"planned_movement: {name} = {value}: must be above zero and finite")
 
 
 @eqx.filter_jit

@@ -5,10 +5,12 @@ from typing import NamedTuple
 import equinox as eqx
 import numpy as np
 
+from icjax.fit._contacts import systematic
 from icjax.fit._dynamic import DynamicEquilibrium, whitener
 from icjax.fit._expected_contact import angle_errors, contact_force, filter_power, intended, smooth_force
 from icjax.fit._options import FitOptions
 from icjax.fit._parameters import Parameters
+from icjax.fit._planned_movement import PlannedMovement, pace
 from icjax.fit._probe import Instruments, Probe
 from icjax.fit._variability import Variability, covariance
 from icjax.inference import jacobian
@@ -20,7 +22,7 @@ BLOCK = 16
 
 
 class Plan(NamedTuple):
-    """What all probes share."""
+    """What all probes share; `foretold` where nothing is repeated, `modes` what it may do alike at all contacts."""
 
     model: Model
     dofs: tuple[int, ...]
@@ -28,6 +30,8 @@ class Plan(NamedTuple):
     noise: Instruments
     variability: Variability
     catch_trials: int
+    foretold: PlannedMovement | None = None
+    modes: tuple[np.ndarray, list[np.ndarray]] | None = None
 
     def event(self, probe: Probe, touch, move, inertia, C) -> dict[str, np.ndarray]:
         """One contact as a row of a `DynamicEquilibrium`."""
@@ -43,6 +47,7 @@ class Plan(NamedTuple):
         s = (samples - before) / rate
         used = np.repeat(s <= probe.duration, len(columns))
         K = self.covariance_of(probe, move, s)
+        W, alike = whitener(K, used), self.common_of(probe, move, s)
         last = int(np.floor(min(probe.duration, options.after) * rate))
         torque = force @ touch.jacobian
         return {
@@ -51,22 +56,39 @@ class Plan(NamedTuple):
             "by": np.einsum("tx,xio->tio", force, touch.by_unit),
             "inertia": np.stack(inertia),
             "frames": samples,
-            "W": whitener(K, used),
+            "W": W,
+            "common": W @ alike,
             "peak": np.abs(torque[before : before + last + 1]).max(axis=0),
             "deflection": np.abs(e[: last + 1]).max(axis=0),
-            "doubt": doubt_of(K, s, min(probe.duration, options.after), len(columns)),
+            "doubt": doubt_of(K + alike @ alike.T, s, min(probe.duration, options.after), len(columns)),
         }
 
     def covariance_of(self, probe: Probe, move, s: np.ndarray) -> np.ndarray:
-        """Of a contact's angles against the mean of the repetitions [sample * dof, sample * dof]."""
+        """Of a contact's angles against the mean of the repetitions, or without them of the angles as they are
+        foretold [sample * dof, sample * dof]."""
         columns = list(self.dofs)
         passed, correlation = filter_power(self.noise, round((s[-1] - s[0]) * self.noise.rate) + 1)
         lag = np.round(np.abs(s[:, None] - s[None, :]) * self.noise.rate).astype(int)
         frame = passed * angle_errors(self.model, np.asarray(probe.q), self.noise)[0][np.ix_(columns, columns)]
-        full = covariance(s, self.variability, frame, correlation[lag]).reshape(len(s) * len(columns), -1)
+        rows = len(s) * len(columns)
+        if self.foretold is not None:
+            return self.foretold.covariance(s, self.pace_of(probe, move, s), frame, correlation[lag]).reshape(
+                rows, rows
+            )
+        full = covariance(s, self.variability, frame, correlation[lag]).reshape(rows, rows)
         rates = (intended(probe, s)[1][:, None] * move).ravel()
         n = self.catch_trials
         return (1.0 + 1.0 / n) * full + self.options.shift_sd**2 / n * np.outer(rates, rates)
+
+    def common_of(self, probe: Probe, move, s: np.ndarray) -> np.ndarray:
+        """What numbers of unit variance that all contacts share do to the angles [sample * dof, number]."""
+        if self.modes is None:
+            return np.zeros((len(s) * len(self.dofs), 0))
+        return systematic(self.modes, s, self.pace_of(probe, move, s)).reshape(len(s) * len(self.dofs), -1)
+
+    def pace_of(self, probe: Probe, move, s: np.ndarray) -> np.ndarray:
+        """Of the intended movement before contact, rad/s [dof]."""
+        return pace(s, intended(probe, s)[0][:, None] * move)
 
 
 def doubt_of(K: np.ndarray, s: np.ndarray, until: float, dofs: int) -> np.ndarray:

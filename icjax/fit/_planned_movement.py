@@ -86,6 +86,12 @@ class PlannedMovement(NamedTuple):
         return s, found
 
 
+def typical_movement(dofs: int) -> PlannedMovement:
+    """At the centre of the prior: what is expected of a person of whom nothing is known."""
+    reach, length, tremor, noise = np.repeat(np.exp(CENTRE)[:, None], dofs, axis=1)
+    return PlannedMovement(reach, length, tremor, noise, 1.0)
+
+
 def pace(
     s: Float[np.ndarray, " sample"], angle: Float[np.ndarray, "*rows sample dof"]
 ) -> Float[np.ndarray, "*rows dof"]:

@@ -25,7 +25,7 @@ class Planned(NamedTuple):
 def read_design(path: str | os.PathLike) -> Planned:
     """Read the file of a planned session.
 
-        catch_trials = 2             # of every trial (default)
+        catch_trials = 2             # of every trial (default), 0 for none
         [model]
         builtin = "index_finger"     # or "human_hand", or file = "subject.xml"
         hand_length = 0.185          # m (default 0.19)
@@ -51,7 +51,7 @@ def read_design(path: str | os.PathLike) -> Planned:
     """
     path = Path(path)
     top = Table(path, "", read_toml(path))
-    catch_trials = top.whole("catch_trials", 2, least=1)
+    catch_trials = top.whole("catch_trials", 2, least=0)
     model = _model(top.table("model"), path)
     if (table := top.table("compliance", None)) is not None:
         model = _with_compliance(table, model)

@@ -1,14 +1,21 @@
-"""A fit as a table of text."""
+"""A fit, or a plan, as a table of text."""
 
+from math import degrees
 from textwrap import wrap
+from typing import Any
 
 import numpy as np
 
 from icjax.fit._check_fit import far_from_prior, unusual_chi2
+from icjax.fit._design import Design
+from icjax.fit._design_figures import design_figures
 from icjax.fit._record import FitRecord
 
 WIDTH = 110
 """Characters of a line, as many as the table has."""
+
+WIDEST_NAME = 40
+"""Characters of a probe's name in a table."""
 
 
 def fit_text(record: FitRecord) -> str:
@@ -68,3 +75,52 @@ def _interval(lower: float, upper: float) -> str:
     if not upper < float("inf"):
         return "unbounded"
     return f"[{lower:.3g}, {upper:.3g}]" if lower > 0 else f"< {upper:.3g}"
+
+
+def design_text(plan: Design, best: int = 3) -> str:
+    """Expected widths of every probe, best first, what the joints without a number are missing, and the best sets of
+    one to `best` probes: what `icjax design` prints, from `design_figures`.
+
+    **Errors**: `ValueError` for a `best` below one.
+    """
+    found = design_figures(plan, best)
+    joints, rows, widest = found["joints"], found["probes"], found["widest"]
+    label = min(max(len(row["probe"]) for row in rows), WIDEST_NAME)
+    lines = [
+        f"expected 95 % intervals, largest over smallest value; {found['catch trials'] or 'no'} catch trials a trial; "
+        f"* above {widest:g}: no number",
+        f"{'probe':{label}s} {'contacts':>8s}" + "".join(f"{joint[:9]:>10s}" for joint in joints),
+    ]
+    for row in rows:
+        lines.append(f"{row['probe'][:label]:{label}s} {row['contacts']:8d}{_widths(row['width'], widest)}")
+    missing = [_missing(joints, row, j, plan.catch_trials) for row in rows for j in _refused(joints, row)]
+    lines += ["", *(missing or ["every joint gets a number from every probe"]), ""]
+    for item in found["best sets"]:
+        lines.append(f"best {len(item['probes'])} of {item['contacts']} contacts: {'; '.join(item['probes'])}")
+        lines.append(f"{'':{label}s} {item['contacts']:8d}{_widths(item['width'], widest)}")
+    cure = "load it more" if plan.catch_trials else "record catch trials"
+    never = [joint for joint in joints if all(joint in row["refused"] for row in rows)]
+    lines += [f"{joint}: no probe tells it; {cure}" for joint in never]
+    return "\n".join(lines)
+
+
+def _widths(width: list[float | None], widest: float) -> str:
+    shown = [("inf" if w is None else f"{w:.3g}") + ("*" if w is None or w > widest else " ") for w in width]
+    return "".join(f"{item:>10s}" for item in shown)
+
+
+def _refused(joints: list[str], row: dict[str, Any]) -> list[int]:
+    return [j for j, joint in enumerate(joints) if joint in row["refused"]]
+
+
+def _missing(joints: list[str], row: dict[str, Any], j: int, catch_trials: int) -> str:
+    needed = row["contacts needed"][j]
+    cure = "more contacts do not help" if needed is None else f"or {needed:.0f} contacts"
+    doubtful, first = "repetitions leave", ""
+    if not catch_trials:
+        doubtful, first = "the movement before contact leaves", "a catch trial, "
+    return (
+        f"{row['probe']}: {joints[j]} is loaded by {1e3 * row['torque Nm'][j]:.1f} mNm and moves "
+        f"{degrees(row['deflection rad'][j]):.2f} degrees where {doubtful} {degrees(row['doubt rad'][j]):.2f} open; "
+        f"missing: {first}a contact that loads it more, {cure}"
+    )

@@ -6,9 +6,21 @@ import math
 import numpy as np
 import pytest
 
-from icjax.fit import FitOptions, Instruments, Probe, Variability, design, finger_normal, finger_posture
+from icjax.fit import (
+    FitOptions,
+    Instruments,
+    Parameters,
+    PlannedMovement,
+    Probe,
+    Variability,
+    design,
+    finger_normal,
+    finger_posture,
+)
+from icjax.fit._dynamic import Common
 from icjax.fit._expected_contact import contact_force, intended, smooth_force, touch_of
-from icjax.inference import QUANTILE
+from icjax.fit._planned_movement import typical_movement
+from icjax.inference import QUANTILE, laplace
 from icjax.model import index_finger, load_model
 
 MODEL = index_finger(0.19, "fixed")
@@ -58,19 +70,63 @@ def test_more_catch_trials_and_more_speed_tell_more(planned):
     assert np.all(planned.expected([3]).sd[:2] < planned.expected([0]).sd[:2])
 
 
+@pytest.fixture(scope="module")
+def without_catch_trials():
+    return design(MODEL, PROBES[:2], catch_trials=0)
+
+
+def test_the_first_catch_trial_buys_most(planned, without_catch_trials):
+    none, one = without_catch_trials, design(MODEL, PROBES[:2], catch_trials=1)
+    bought = none.expected([1]).sd - one.expected([1]).sd
+    assert np.all(bought > 3 * (one.expected([1]).sd - planned.expected([1]).sd))
+    assert np.all(none.doubt > 2 * one.doubt)
+
+
+def without_common(plan):
+    """The plan if it were known what all contacts have in common."""
+    at = plan.parameters.slices["common"]
+    assert at.stop == plan.parameters.size
+    return dataclasses.replace(
+        plan,
+        parameters=Parameters(plan.parameters.of[:-1]),
+        factor=np.stack([np.linalg.qr(item[:, : at.start], mode="r") for item in plan.factor]),
+        prior=plan.prior[: at.start - at.stop, : at.start],
+    )
+
+
+def test_what_contacts_have_in_common_is_integrated_out(without_catch_trials):
+    """As `DynamicEquilibrium` does it: rows whitened by `Common`, whatever the number of contacts."""
+    plan, own = without_catch_trials, without_common(without_catch_trials)
+    at = plan.parameters.slices["common"]
+    rows = np.sqrt(5) * np.concatenate(plan.factor)
+    common = Common.of(rows[:, at])
+    white = np.stack([np.asarray(common.whitened(column)) for column in rows[:, : at.start].T], axis=1)
+    sd = np.asarray(laplace(white, own.prior).sd)[plan.parameters.slices["compliance"]]
+    np.testing.assert_allclose(plan.expected([0, 1], 10).sd, sd, rtol=1e-6)
+
+
+def test_what_contacts_have_in_common_does_not_average_out(without_catch_trials):
+    """It matters the more the more contacts there are."""
+    plan, own = without_catch_trials, without_common(without_catch_trials)
+    few, many = (plan.expected([1], n).sd / own.expected([1], n).sd for n in (3, 1200))
+    assert np.all((few >= 1.0) & (many > 3.0 * few))
+
+
+def test_a_movement_that_is_known_is_as_good_as_repetitions(planned):
+    """With next to no reach only tremor is left; with a longer one than typical intervals are wider."""
+    typical = typical_movement(4)
+    known, wild = (typical._replace(reach=scale * typical.reach) for scale in (1e-4, 2.0))
+    sd = [design(MODEL, PROBES[1:2], 0, planned_movement=item).expected([0]).sd for item in (known, typical, wild)]
+    assert np.all(sd[0] < planned.expected([1]).sd)
+    assert np.all(sd[1] < sd[2])
+
+
 def test_the_middle_joint_is_barely_loaded_by_a_tap_that_sticks(planned):
     """Bent further, with its pad flat on the surface, the finger tells all joints."""
     assert planned.refused[0, 2]
     assert not planned.refused[1].any()
     assert planned.torque[1, 2] > 3 * planned.torque[0, 2]
     assert planned.ranking()[0] == 1
-
-
-def test_best_set_is_greedy_and_ordered(planned):
-    assert planned.best_set(1) == planned.ranking()[:1]
-    chosen = planned.best_set(3, contacts=12)
-    assert len(set(chosen)) == 3
-    assert chosen[0] == planned.best_set(1, contacts=12)[0]
 
 
 def test_contacts_needed(planned):
@@ -171,20 +227,23 @@ def test_bad_designs(planned):
         design(MODEL, [])
     with pytest.raises(ValueError, match="two are named 'tap'"):
         design(MODEL, [TAP, TAP])
-    with pytest.raises(ValueError, match="catch_trials = 0"):
-        design(MODEL, [TAP], catch_trials=0)
+    for catch_trials in (-1, True):
+        with pytest.raises(ValueError, match=f"catch_trials = {catch_trials}"):
+            design(MODEL, [TAP], catch_trials=catch_trials)
     with pytest.raises(ValueError, match="no compliant joint"):
         design(dataclasses.replace(MODEL, compliance=np.zeros(4)), [TAP])
     with pytest.raises(ValueError, match="amplitude"):
         design(MODEL, [TAP], variability=Variability(np.ones((2, 3)), np.ones(3), 1.0))
+    with pytest.raises(ValueError, match=r"planned_movement: reach is \[3\]"):
+        design(MODEL, [TAP], 0, planned_movement=PlannedMovement(*np.ones((4, 3)), 1.0))
+    with pytest.raises(ValueError, match="planned_movement: tremor = .*nan.*: must be above zero and finite"):
+        design(MODEL, [TAP], 0, planned_movement=typical_movement(4)._replace(tremor=np.full(4, np.nan)))
     for contacts in (0, -1.0, math.nan):
         with pytest.raises(ValueError, match=f"contacts = {contacts}"):
             planned.expected([0], contacts=contacts)
     stiff = dataclasses.replace(TAP, pad_stiffness=1e6)  # widths would be those of a simulation that went astray
     with pytest.raises(ValueError, match=r"'tap': pad_stiffness = 1e\+06 N/m: its contact can be simulated up to 2"):
         design(MODEL, [stiff])
-    with pytest.raises(ValueError, match="k = 9"):
-        planned.best_set(9)
     with pytest.raises(ValueError, match="chosen"):
         planned.expected([7])
     with pytest.raises(ValueError, match="marker_sd"):

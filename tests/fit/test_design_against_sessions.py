@@ -9,7 +9,7 @@ from scipy.optimize import root_scalar
 
 from icjax.capture import capture, read_session
 from icjax.fit import Probe, design, session_problem
-from icjax.inference import jacobian, laplace
+from icjax.inference import QUANTILE, jacobian, laplace
 from icjax.laboratory import Subject, Surface, record
 from icjax.laboratory._movement import reach
 from icjax.model import index_finger
@@ -49,24 +49,42 @@ def planned(path) -> list[Probe]:
     return probes
 
 
-@pytest.mark.slow
-def test_expected_and_found_information(tmp_path):
-    """Standard deviations of log C at the subject's compliance: of the recording's own problem, and of the plan."""
-    paths = record(tmp_path, seed=21, trials=2, contacts=3, catch=2, compliance=COMPLIANCE, friction=FRICTION)
+def recorded(folder, catch):
+    """The problem of a recorded session, standard deviations of log C in it at the subject's compliance, the model with
+    that compliance, and what an experimenter would have planned."""
+    paths = record(folder, seed=21, trials=2, contacts=3, catch=catch, compliance=COMPLIANCE, friction=FRICTION)
     made = session_problem(capture(read_session(paths.session)))
     parameters = made.problem.parameters
     place = parameters.slices["compliance"]
     x = np.array(parameters.start)
     x[place] = np.log(COMPLIANCE)
     found = laplace(np.asarray(jacobian(made.problem.data, x)), np.asarray(jacobian(parameters.prior, x)))
-
-    probes = planned(tmp_path / "truth" / "subject.json")
+    probes = planned(folder / "truth" / "subject.json")
     assert len(made.windows) == len(probes)
     model = index_finger()
     own = np.array(model.compliance)
     own[-4:] = COMPLIANCE
-    plan = design(dataclasses.replace(model, compliance=own), probes)
-    ratio = np.asarray(found.sd)[place] / plan.expected(range(len(probes))).sd
+    return made, np.asarray(found.sd)[place], dataclasses.replace(model, compliance=own), probes
+
+
+@pytest.mark.slow
+def test_expected_and_found_information(tmp_path):
+    """Standard deviations of log C at the subject's compliance: of the recording's own problem, and of the plan."""
+    made, sd, model, probes = recorded(tmp_path, catch=2)
+    plan = design(model, probes)
+    ratio = sd / plan.expected(range(len(probes))).sd
     assert np.all((ratio > 1 / TOLERANCE) & (ratio < TOLERANCE)), ratio
     peaks = [np.abs(made.motions[w.trial].torque[w.onset : w.last + 1]).max(axis=0) for w in made.windows]
     np.testing.assert_allclose(np.median(peaks / plan.torque, axis=0)[:2], 1.0, atol=0.3)
+
+
+@pytest.mark.slow
+def test_expected_and_found_without_catch_trials(tmp_path):
+    """Widths within a factor of two, with a typical movement and with the one that the session's fit learns."""
+    made, sd, model, probes = recorded(tmp_path, catch=0)
+    found = np.exp(2.0 * QUANTILE * sd)
+    assert made.expected.movement is not None
+    for movement in (None, made.expected.movement):
+        plan = design(model, probes, catch_trials=0, planned_movement=movement)
+        ratio = found / plan.expected(range(len(probes))).width
+        assert np.all((ratio > 0.5) & (ratio < 2.0)), ratio

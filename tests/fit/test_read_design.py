@@ -8,7 +8,7 @@ import pytest
 
 from icjax.cli import main
 from icjax.files import FileError
-from icjax.fit import finger_candidates, finger_normal, read_design
+from icjax.fit import design, design_text, finger_candidates, finger_normal, read_design
 from icjax.fit._expected_contact import touch_of
 from icjax.model import index_finger
 
@@ -84,6 +84,28 @@ def test_a_table_and_a_file(plan, tmp_path, capsys):
         ]
 
 
+def test_a_plan_without_catch_trials(plan, capsys):
+    """From the file, and in its place from the command line."""
+    assert main(["design", str(plan), "--catch-trials", "0"]) == 0
+    printed = capsys.readouterr().out
+    assert "no catch trials a trial" in printed
+    assert "where the movement before contact leaves" in printed
+    plan.write_text(TEXT.replace("catch_trials = 3", "catch_trials = 0"))
+    assert read_design(plan).catch_trials == 0
+    assert main(["design", str(plan)]) == 0
+    assert capsys.readouterr().out == printed
+
+
+def test_the_table_is_that_of_python(plan, capsys):
+    assert main(["design", str(plan), "--best", "2"]) == 0
+    planned = read_design(plan)
+    made = design(planned.model, planned.probes, planned.catch_trials, noise=planned.noise)
+    assert capsys.readouterr().out == design_text(made, 2) + "\n"
+    assert design_text(made, 9) == design_text(made, 2)
+    with pytest.raises(ValueError, match="best = 0"):
+        design_text(made, 0)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
@@ -92,7 +114,7 @@ def test_a_table_and_a_file(plan, tmp_path, capsys):
         ("normal = [0, 0, 2]", "normal = [0, 0, 0]", "normal = (0.0, 0.0, 0.0): must be a direction"),
         ("elbow = 30", "knee = 30", "unknown key 'knee'"),
         ("point = [0.2, 0, 0]", "", "is a body; say which point of it touches"),
-        ("catch_trials = 3", "catch_trials = 0", "key 'catch_trials' must be a whole number of at least 1"),
+        ("catch_trials = 3", "catch_trials = -1", "key 'catch_trials' must be a whole number of at least 0"),
         ("elbow = 0.8", "ankle = 0.8", "unknown key 'ankle'"),
         ('file = "bars.xml"', 'file = "none.xml"', "none.xml"),
         ("angle_sd = 0.002", "", "angle_sd and offset_sd belong together"),
