@@ -148,7 +148,7 @@ def fitted(session: Session) -> dict[str, Any]:
     except ValueError as error:
         return {"told": f"no fit: {error}"}
     joints = [
-        {"x": float(np.log(j.compliance)), "sd": float(np.log(j.width) / (2 * QUANTILE)), "refused": bool(j.refused)}
+        {"log C": [float(np.log(end)) for end in (j.lower, j.compliance, j.upper)], "refused": bool(j.refused)}
         for j in fit.joints
     ]
     told = f"{fit.solution.stats['steps']} steps, chi2 {fit.chi2:.2f}, {sum(j['refused'] for j in joints)} refused"
@@ -166,14 +166,20 @@ def summary(rows: list[dict[str, Any]], kind: str) -> dict[str, Any]:
             if item["refused"]:
                 refused += 1
                 continue
-            error.append(item["x"] - np.log(row["truth"][number]))
-            sd.append(item["sd"])
-            z.append(error[-1] / item["sd"])
+            error.append(item["log C"][1] - np.log(row["truth"][number]))
+            sd.append(deviation(item["log C"], error[-1]))
+            z.append(error[-1] / sd[-1])
         every += z
         table["joints"][joint] = {**held(z), "refused": refused, **sizes(error, sd)}
     table["all joints"] = held(every)
     table["levels"] = {str(level): share(every, level) for level in LEVELS}
     return table
+
+
+def deviation(ends: list[float], error: float) -> float:
+    """Standard deviation of log C on the side where the truth lies: the interval's half there over 1.96."""
+    lower, value, upper = ends
+    return ((value - lower) if error > 0 else (upper - value)) / QUANTILE
 
 
 def held(z: list[float]) -> dict[str, Any]:
@@ -219,8 +225,8 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
         for row in rows:
             for number, item in enumerate(row[kind].get("joints", ())):
                 if not item["refused"]:
-                    error.append(item["x"] - np.log(row["truth"][number]))
-                    sd.append(item["sd"])
+                    error.append(item["log C"][1] - np.log(row["truth"][number]))
+                    sd.append(deviation(item["log C"], error[-1]))
                     z.append(error[-1] / sd[-1])
         if not z:
             continue

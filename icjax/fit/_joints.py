@@ -7,6 +7,7 @@ import jax
 import numpy as np
 
 from icjax.fit._contacts import unexplained
+from icjax.fit._ends import likelihood_ends
 from icjax.fit._options import FitOptions
 from icjax.fit._problem import Problem
 from icjax.fit._session import SessionProblem
@@ -31,29 +32,37 @@ class JointFit(NamedTuple):
     refused: str
 
 
-def joints_of(made: SessionProblem, x: Any, known: Laplace, options: FitOptions) -> tuple[tuple[JointFit, ...], ...]:
+def joints_of(
+    made: SessionProblem, x: Any, plain: Laplace, known: Laplace, options: FitOptions
+) -> tuple[tuple[JointFit, ...], ...]:
     """Of every joint for the session as a whole, then of every joint in every period.
 
-    With several periods the session's log C is the mean over them.
+    With several periods the session's log C is the mean over them. Ends are those of `likelihood_ends`, farther out in
+    the ratio in which `known` is wider than `plain`, which takes hyperparameters for known.
     """
     at = made.problem.parameters.slices["compliance"]
-    count = len(made.dof_names)
-    log_C = np.asarray(x)[at].reshape(-1, count)
-    S = np.asarray(known.covariance)[at, at]
+    count, numbers = len(made.dof_names), at.stop - at.start
+    periods = numbers // count
+    rows = np.eye(numbers)
+    if periods > 1:
+        rows = np.concatenate([np.tile(np.eye(count), periods) / periods, rows])
+    along = np.zeros((len(rows), len(x)))
+    along[:, at] = rows
+    log_C = along @ np.asarray(x)
+    sd, narrow = (np.sqrt(np.einsum("kn,nm,km->k", along, np.nan_to_num(s.covariance), along)) for s in (known, plain))
+    wider = np.divide(sd, narrow, out=np.ones_like(sd), where=narrow > 0)
+    lower, upper = (log_C + wider * (end - log_C) for end in likelihood_ends(made.problem, x, plain, along))
+    prior = options.compliance_sd**2 * np.ones(len(rows))
+    if periods > 1:
+        prior += options.compliance_change**2 * np.where(np.arange(len(rows)) < count, 1.0 / periods, 1.0)
+    learned = np.where(np.isfinite(upper - lower), np.clip(1.0 - sd**2 / prior, 0.0, 1.0), 0.0)
     loads = _loads(made, np.asarray(_deviation(made.problem, x)))
-    own = np.asarray(known.sd)[at].reshape(-1, count)
-    learned = np.asarray(known.learned)[at].reshape(-1, count)
-    periods = tuple(
-        tuple(map(_joint, made.dof_names, log_C[row], own[row], learned[row], loads, count * [options]))
-        for row in range(len(log_C))
-    )
-    if len(periods) == 1:
-        return periods[0], *periods
-    average = np.tile(np.eye(count), len(log_C)) / len(log_C)
-    sd = np.where(np.isfinite(own).all(axis=0), np.sqrt(np.maximum(np.diagonal(average @ S @ average.T), 0.0)), np.inf)
-    prior = options.compliance_sd**2 + options.compliance_change**2 / len(log_C)
-    said = np.clip(1.0 - sd**2 / prior, 0.0, 1.0)
-    return tuple(map(_joint, made.dof_names, log_C.mean(axis=0), sd, said, loads, count * [options])), *periods
+    joints = [
+        _joint(made.dof_names[row % count], *told, loads[row % count], options)
+        for row, told in enumerate(zip(log_C, lower, upper, learned, strict=True))
+    ]
+    table = tuple(tuple(joints[row : row + count]) for row in range(0, len(joints), count))
+    return table if periods > 1 else (*table, *table)
 
 
 @eqx.filter_jit
@@ -91,12 +100,13 @@ def _loads(made: SessionProblem, deviation: np.ndarray) -> list[_Load]:
     ]
 
 
-def _joint(name: str, x: Any, sd: Any, learned: Any, load: _Load, options: FitOptions) -> JointFit:
-    x, sd = float(x), float(sd)
-    width = float(np.exp(2.0 * QUANTILE * sd))
-    refused = "" if width <= options.widest else _refusal(width, sd, load, options)
-    lower, upper = np.exp(x - QUANTILE * sd), np.exp(x + QUANTILE * sd)
-    return JointFit(name, float(np.exp(x)), float(lower), float(upper), width, float(learned), refused)
+def _joint(
+    name: str, log_C: float, lower: float, upper: float, learned: float, load: _Load, options: FitOptions
+) -> JointFit:
+    width = float(np.exp(upper - lower))
+    refused = "" if width <= options.widest else _refusal(width, (upper - lower) / (2.0 * QUANTILE), load, options)
+    value, lower, upper = (float(np.exp(end)) for end in (log_C, lower, upper))
+    return JointFit(name, value, lower, upper, width, float(learned), refused)
 
 
 def _refusal(width: float, sd: float, load: _Load, options: FitOptions) -> str:

@@ -122,6 +122,8 @@ def _parameters(fit: SessionFit) -> FittedParameters:
             centre = x[place]
             sd, learned = np.asarray(fit.laplace.sd)[place], np.asarray(fit.laplace.learned)[place]
         ends = [_value(item, centre + sign * QUANTILE * sd) for sign in (0.0, -1.0, 1.0)]
+        if item.name == "compliance" and not item.frozen:  # ends as everywhere else
+            ends[1:] = (np.array([getattr(j, end) for row in fit.periods for j in row]) for end in ("lower", "upper"))
         own = np.inf if item.prior_sd is None else np.asarray(item.prior_sd, float)
         prior = np.broadcast_to(np.hypot(own, item.shared_sd or 0.0), centre.shape)
         nominal = _value(item, np.asarray(item.transform.free(item.nominal)))
@@ -192,7 +194,7 @@ def _provenance(fit: SessionFit, session: Session) -> str:
     return json.dumps(
         {
             "estimator": "dynamic response after contact against catch trials (without them against movement "
-            "foretold from before contact), Levenberg-Marquardt, Laplace intervals",
+            "foretold from before contact), Levenberg-Marquardt, intervals by the rise of the cost",
             "caution": "intervals hold if the model holds: constant compliance, linear damping, masses and offsets "
             "within their priors, repetitions that vary as the catch trials do",
             "session": session.name,

@@ -55,10 +55,10 @@ def fit_session(
 ) -> SessionFit:
     """Compliance of every joint from the response to all contacts of a session, with intervals.
 
-    The problem of `session_problem` is solved by Levenberg-Marquardt; intervals are those of Laplace in log C, from the
-    exact Jacobian, priors included; what is not known of the repetitions' variability counts (`with_doubt`). A joint is
-    refused where the ends of its interval differ by more than `options.widest`, whatever its value: the contacts did
-    not load it enough. No truth and no result enters that rule.
+    The problem of `session_problem` is solved by Levenberg-Marquardt. `laplace` is from the exact Jacobian, priors
+    included; what is not known of the repetitions' variability counts (`with_doubt`). The interval of a joint ends
+    where the cost has risen by 1.96^2 / 2 (`likelihood_ends`). A joint is refused where the ends differ by more than
+    `options.widest`, whatever its value: the contacts did not load it enough. No truth and no result enters that rule.
     Without catch trials intervals include what was planned after contact (`session_problem`).
 
     **Arguments**: `progress`, `cancelled`, `checkpoint` and `keep_checkpoint` are those of `solve`.
@@ -77,10 +77,10 @@ def fit_session(
     x = found.value.x
     residual, data, prior = linearised(made.problem, x)
     data, prior, rows = np.asarray(data), np.asarray(prior), np.asarray(residual)[: len(data)]
-    known = intervals(data, prior)
-    known = with_doubt(known, made, data, rows, options)
+    plain = intervals(data, prior)
+    known = with_doubt(plain, made, data, rows, options)
     compared = len(made.dof_names) * sum(len(window.samples) for window in made.windows)
-    joints, *periods = joints_of(made, x, known, options)
+    joints, *periods = joints_of(made, x, plain, known, options)
     values = made.problem.parameters.values(x)
     return SessionFit(
         made, found, values, known, joints, tuple(periods), float(np.sum(rows**2)) / compared, _warnings(made, found),
