@@ -163,23 +163,25 @@ def _against_expected(motion: Motion, window: Window, expected: Expected, option
         assert expected.movement is not None
         K = expected.movement.covariance(s, pace(s, angle), expected.noise, rho)
         return angle - angle[:1], K.reshape(angle.size, -1)
-    return angle - np.mean([item.angle for item in window.repetitions], axis=0), repeated_covariance(
-        motion, window, expected, options
-    )
+    U = shifts(window, options)
+    mean = np.mean([item.angle for item in window.repetitions], axis=0)
+    return angle - mean, repeated_covariance(motion, window, expected) + U @ U.T
 
 
-def repeated_covariance(
-    motion: Motion, window: Window, expected: Expected, options: FitOptions
-) -> Float[np.ndarray, "row row"]:
-    """Of a trial's angles less the mean of its repetitions, rad^2 [sample * dof, sample * dof]."""
+def repeated_covariance(motion: Motion, window: Window, expected: Expected) -> Float[np.ndarray, "row row"]:
+    """Of a trial's angles less the mean of its repetitions, rad^2 [sample * dof, sample * dof], were none shifted."""
     assert expected.variability is not None
     s = (window.samples - window.onset) / motion.recording.rate
     n, count = len(window.repetitions), len(s) * len(expected.noise)
     rho = _correlation(motion, window.samples)
-    K = (1.0 + 1.0 / n) * covariance(s, expected.variability, expected.noise, rho).reshape(count, count)
-    for item in window.repetitions:
-        K = K + (options.shift_sd / n) ** 2 * np.outer(item.rate.ravel(), item.rate.ravel())
-    return K
+    return (1.0 + 1.0 / n) * covariance(s, expected.variability, expected.noise, rho).reshape(count, count)
+
+
+def shifts(window: Window, options: FitOptions) -> Float[np.ndarray, "row repetition"]:
+    """U, with U U^T the covariance that comes from repetitions that begin earlier or later, rad."""
+    return (options.shift_sd / len(window.repetitions)) * np.stack(
+        [item.rate.ravel() for item in window.repetitions], axis=1
+    )
 
 
 def systematic(modes: tuple[np.ndarray, list[np.ndarray]], s: np.ndarray, speeds: np.ndarray) -> np.ndarray:

@@ -1,10 +1,12 @@
 """What is not known of how repetitions vary, carried into the covariance of a fit."""
 
+from typing import Any
+
 import equinox as eqx
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from icjax.fit._contacts import repeated_covariance
+from icjax.fit._contacts import repeated_covariance, shifts
 from icjax.fit._options import FitOptions
 from icjax.fit._session import SessionProblem
 from icjax.fit._variability import Variability
@@ -37,32 +39,38 @@ def with_doubt(
     variability = made.expected.variability
     if variability is None or variability.doubt is None or not known.determined.all():
         return known
-    windows = {number: window for number, window in enumerate(made.windows) if window.repetitions}
-
-    def factor(number: int, h: Variability) -> np.ndarray:
-        window = windows[number]
-        expected = made.expected._replace(variability=h)
-        return np.linalg.cholesky(repeated_covariance(made.motions[window.trial], window, expected, options))
-
     S = np.asarray(known.covariance)
     # What does not depend on h stays: priors, and contacts without repetitions.
-    rest, slope, rows = np.linalg.inv(S), np.zeros(len(S)), {}
+    rest, slope = np.linalg.inv(S), np.zeros(len(S))
     length = np.asarray(made.problem.measurements[0].whitening).shape[1]
-    for number in windows:
-        L = factor(number, variability)
-        own = slice(number * length, number * length + len(L))
+    alike: dict[Any, list[tuple[int, np.ndarray, np.ndarray]]] = {}  # contacts of one K(h) but for their shifts
+    for number, window in enumerate(made.windows):
+        if not window.repetitions:
+            continue
+        U, motion = shifts(window, options), made.motions[window.trial]
+        own = slice(number * length, number * length + len(U))
         J, r = data[own], residual[own]
         rest, slope = rest - J.T @ J, slope - J.T @ r
-        rows[number] = L @ np.column_stack([J, r])
+        L = np.linalg.cholesky(repeated_covariance(motion, window, made.expected) + U @ U.T)
+        samples = (window.samples - window.onset).tobytes()
+        key = samples, len(window.repetitions), motion.recording.rate, motion.correlation.tobytes()
+        alike.setdefault(key, []).append((number, U, L @ np.column_stack([J, r])))
 
     def linear(h: Variability) -> tuple[np.ndarray, np.ndarray]:
         """Step to the minimum, and covariance."""
-        A, b = rest.copy(), slope.copy()
-        for number, plain in rows.items():
-            white = solve_triangular(factor(number, h), plain, lower=True, check_finite=False)
-            A, b = A + white[:, :-1].T @ white[:, :-1], b + white[:, :-1].T @ white[:, -1]
-        S = np.linalg.inv(A)
-        return -S @ b, S
+        both = np.zeros((len(S) + 1, len(S) + 1))
+        for members in alike.values():
+            window = made.windows[members[0][0]]
+            K = repeated_covariance(made.motions[window.trial], window, made.expected._replace(variability=h))
+            rows = np.concatenate([part for _, U, plain in members for part in (U, plain)], axis=1)
+            white = solve_triangular(np.linalg.cholesky(K), rows, lower=True, check_finite=False)
+            width = rows.shape[1] // len(members)
+            for V in np.split(white, range(width, rows.shape[1], width), axis=1):
+                V, white_plain = V[:, : -len(both)], V[:, -len(both) :]
+                along = V.T @ white_plain
+                both += white_plain.T @ white_plain - along.T @ np.linalg.solve(np.eye(V.shape[1]) + V.T @ V, along)
+        found = np.linalg.inv(rest + both[:-1, :-1])
+        return -found @ (slope + both[:-1, -1]), found
 
     total = S.copy()
     for joint, H in enumerate(variability.doubt):
