@@ -9,7 +9,7 @@ from scipy.optimize import root_scalar
 
 from icjax.capture import capture, read_session
 from icjax.fit import Probe, design, session_problem
-from icjax.inference import QUANTILE, jacobian, laplace
+from icjax.inference import jacobian, laplace
 from icjax.laboratory import Subject, Surface, record
 from icjax.laboratory._movement import reach
 from icjax.model import index_finger
@@ -80,11 +80,10 @@ def test_expected_and_found_information(tmp_path):
 
 @pytest.mark.slow
 def test_expected_and_found_without_catch_trials(tmp_path):
-    """Widths within a factor of two, with a typical movement and with the one that the session's fit learns."""
+    """Standard deviations, with a typical movement and with the one that the session's fit learns."""
     made, sd, model, probes = recorded(tmp_path, catch=0)
-    found = np.exp(2.0 * QUANTILE * sd)
     assert made.expected.movement is not None
     for movement in (None, made.expected.movement):
         plan = design(model, probes, catch_trials=0, planned_movement=movement)
-        ratio = found / plan.expected(range(len(probes))).width
-        assert np.all((ratio > 0.5) & (ratio < 2.0)), ratio
+        ratio = sd / plan.expected(range(len(probes))).sd
+        assert np.all((ratio > 1 / TOLERANCE) & (ratio < TOLERANCE)), ratio
