@@ -141,8 +141,7 @@ def measured(
             speeds = np.zeros(dofs) if window.repetitions else pace(s, motion.angle[window.samples])
             effect = _filled(systematic(modes, s, speeds), count)
             rows["common"].append(rows["W"][-1] @ effect.reshape(count * dofs, -1))
-    columns = principal([part.sum(axis=1).reshape(-1, part.shape[-1]) for part in doubts], MODES)
-    uncertain = np.stack([_filled(part @ columns, length) for part in doubts]) if any(map(np.any, doubts)) else None
+    uncertain = _largest(doubts, length) if any(map(np.any, doubts)) else None
     stacked = {key: np.stack(items) for key, items in rows.items() if items}
     common = Common.of(np.concatenate(rows["common"])) if modes else None
     offset = np.linalg.cholesky(first.offset + 1e-18 * np.eye(len(first.offset)))
@@ -152,6 +151,12 @@ def measured(
         np.asarray(first.recording.model.armature)[list(first.dofs)], offset,
         stacked["frames"].astype(int), stacked["y"], stacked["W"], common, stacked["carried"], uncertain,
     )  # fmt: skip
+
+
+def _largest(doubts: list[np.ndarray], length: int) -> np.ndarray:
+    """Of all that is not known of carried torque the largest combinations [event, frame, segment, dof, mode], Nm."""
+    columns = principal([part.sum(axis=1).reshape(-1, part.shape[-1]) for part in doubts], MODES)
+    return np.stack([_filled(part @ columns, length) for part in doubts])
 
 
 def _against_expected(motion: Motion, window: Window, expected: Expected, options: FitOptions):

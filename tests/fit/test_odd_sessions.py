@@ -6,7 +6,7 @@ import equinox as eqx
 import numpy as np
 import pytest
 
-from icjax.fit import Minimum, session_problem
+from icjax.fit import Minimum, _contacts, session_problem
 from icjax.fit._options import FitOptions
 from icjax.fit._repetitions import aligned
 from icjax.fit._result import _warnings, intervals
@@ -184,3 +184,15 @@ def test_units_do_not_make_directions_blind():
 def test_options_that_cannot_be_meant(options, words):
     with pytest.raises(ValueError, match=words):
         FitOptions(**options)
+
+
+def test_nothing_but_what_is_fitted(small, monkeypatch):
+    """A body whose every degree of freedom is fitted carries nothing along, and nothing of that is unknown."""
+    made = session_problem(small)
+    monkeypatch.setattr(_contacts, "rest_of", lambda motion: ())
+    windows = [window._replace(aside=window.aside[:, :0]) for window in made.windows]
+    motions = {name: motion._replace(rest_torque=motion.rest_torque[:, :0]) for name, motion in made.motions.items()}
+    found = _contacts.measured(windows, motions, made.groups, made.expected, FitOptions())
+    assert found.carried_doubt is None
+    assert not np.any(found.carried)
+    assert "carried" not in found.uses
