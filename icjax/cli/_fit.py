@@ -61,6 +61,8 @@ class Fit:
         from icjax.estimation import estimates
         from icjax.fit import FitOptions, fit_record, fit_session, fit_text
 
+        if self.profile and self.compliance_by != "session":
+            raise ValueError(f"--profile is of one compliance a joint: not with --compliance-by {self.compliance_by}")
         options = FitOptions(**{name: getattr(self, name) for name in OPTIONS})
         session, folder = self._session()
         path = folder / f"fit_{file_name(session.name)}.nc"

@@ -6,7 +6,7 @@ import equinox as eqx
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from icjax.fit._contacts import repeated_covariance, shifts
+from icjax.fit._contacts import Window, repeated_covariance, shifts
 from icjax.fit._options import FitOptions
 from icjax.fit._session import SessionProblem
 from icjax.fit._variability import Variability
@@ -43,7 +43,7 @@ def with_doubt(
     # What does not depend on h stays: priors, and contacts without repetitions.
     rest, slope = np.linalg.inv(S), np.zeros(len(S))
     length = np.asarray(made.problem.measurements[0].whitening).shape[1]
-    alike: dict[Any, list[tuple[int, np.ndarray, np.ndarray]]] = {}  # contacts of one K(h) but for their shifts
+    alike: dict[Any, tuple[Window, list[np.ndarray]]] = {}  # contacts of one K(h) but for their shifts
     for number, window in enumerate(made.windows):
         if not window.repetitions:
             continue
@@ -54,18 +54,16 @@ def with_doubt(
         L = np.linalg.cholesky(repeated_covariance(motion, window, made.expected) + U @ U.T)
         samples = (window.samples - window.onset).tobytes()
         key = samples, len(window.repetitions), motion.recording.rate, motion.correlation.tobytes()
-        alike.setdefault(key, []).append((number, U, L @ np.column_stack([J, r])))
+        alike.setdefault(key, (window, []))[1].append(np.column_stack([U, L @ np.column_stack([J, r])]))
 
     def linear(h: Variability) -> tuple[np.ndarray, np.ndarray]:
         """Step to the minimum, and covariance."""
         both = np.zeros((len(S) + 1, len(S) + 1))
-        for members in alike.values():
-            window = made.windows[members[0][0]]
+        for window, members in alike.values():
             K = repeated_covariance(made.motions[window.trial], window, made.expected._replace(variability=h))
-            rows = np.concatenate([part for _, U, plain in members for part in (U, plain)], axis=1)
+            rows = np.concatenate(members, axis=1)
             white = solve_triangular(np.linalg.cholesky(K), rows, lower=True, check_finite=False)
-            width = rows.shape[1] // len(members)
-            for V in np.split(white, range(width, rows.shape[1], width), axis=1):
+            for V in np.split(white, len(members), axis=1):
                 V, white_plain = V[:, : -len(both)], V[:, -len(both) :]
                 along = V.T @ white_plain
                 both += white_plain.T @ white_plain - along.T @ np.linalg.solve(np.eye(V.shape[1]) + V.T @ V, along)
