@@ -28,6 +28,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import tyro
+from contact_fit_errors import expected_sd
 from contact_fit_problem import Course, Together, joints_of, measured, parameters
 from contact_fit_simulated import simulated
 from grasp5 import interaction_of, judged, scene_of, solids, true_interaction, with_forearm
@@ -115,7 +116,8 @@ def fitted(start: Interaction, trials: dict[str, Recording], config: Config) -> 
     values = {key: np.asarray(value) for key, value in stated.values(x).items()}
     scale = np.concatenate([np.full(item.size, item.prior_sd) for item in stated.of])
     J = derivative(problem, x)
-    sd = np.asarray(laplace(J, jacobian(stated.prior, x), scale=jnp.asarray(scale)).sd)
+    known = laplace(J, jacobian(stated.prior, x), scale=jnp.asarray(scale))
+    sd = expected_sd(problem, x, J, known, course)
     place = stated.slices
     compared = int(data.trials.counts.sum()) * (data.trials.force.shape[-1] + len(data.trials.dofs))
     reference = course.q + course.basis @ values["reference"]
@@ -135,6 +137,7 @@ def fitted(start: Interaction, trials: dict[str, Recording], config: Config) -> 
         "seconds, compilation included": round(seconds),
         "unsolved steps": np.asarray(data.unsolved(stated.values(x))),
         "sd of log C": sd[place["compliance"]],
+        "over that of the weights": np.median(sd[place["compliance"]] / np.asarray(known.sd)[place["compliance"]]),
         "friction": {"fit": mu, "95 %": mu * np.exp(np.array([-1.0, 1.0]) * QUANTILE * mu_sd)},
         "pads N/m": values["pad stiffness"],
     }

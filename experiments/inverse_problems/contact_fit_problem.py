@@ -103,7 +103,8 @@ class Course:
         weight = np.array([(1 - lifted) + (lifted * (1 - free) if n == 0 else 0.0) for n in range(len(recordings))])
         weight += np.array(loose)[:, None] * free
         q = np.stack([np.asarray(item.q)[:, 3:] for item in recordings])
-        self.q = np.einsum("rt,rtj->tj", weight, q) / weight.sum(axis=0)[:, None]
+        self.weight = weight / weight.sum(axis=0)
+        self.q = np.einsum("rt,rtj->tj", self.weight, q)
         held = normal_force(first)
         own = held * (1 - free)[:, None] / np.mean(held[held.sum(axis=1) > 0.1], axis=0)
         onset = self.time[np.flatnonzero(held.sum(axis=1) > 0.1)[0]]
@@ -162,9 +163,14 @@ def coarse(scene: Scene) -> Scene:
     )
 
 
+def compared_rows(course: Course) -> Int[np.ndarray, " row"]:
+    """Samples of the recordings that the simulation steps through."""
+    return np.arange(round(BEGIN / 0.002), course.time.size, round(STEP / 0.002))
+
+
 def measured(recording: Recording, model: Model, course: Course, solid: Any) -> ContactForces:
     """One trial on the box; where the box is lost, only until the lift: how friction lets go is not modelled."""
-    rows = np.arange(round(BEGIN / 0.002), course.time.size, round(STEP / 0.002))
+    rows = compared_rows(course)
     nominal = np.concatenate([np.asarray(recording.q)[rows, :3], course.q[rows]], axis=1)
     force, touching = normal_force(recording), np.asarray(recording.touching)
     hidden = touching.any(axis=1)[:, None] & ~touching

@@ -161,13 +161,9 @@ def _largest(doubts: list[np.ndarray], length: int) -> np.ndarray:
 
 def _against_expected(motion: Motion, window: Window, expected: Expected, options: FitOptions):
     """Angles less what was expected [sample, dof], and the covariance of that [sample * dof, sample * dof]."""
-    s = (window.samples - window.onset) / motion.recording.rate
-    rho = _correlation(motion, window.samples)
     angle = motion.angle[window.samples]
     if not window.repetitions:
-        assert expected.movement is not None
-        K = expected.movement.covariance(s, pace(s, angle), expected.noise, rho)
-        return angle - angle[:1], K.reshape(angle.size, -1)
+        return angle - angle[:1], planned_covariance(motion, window, expected)
     U = shifts(window, options)
     mean = np.mean([item.angle for item in window.repetitions], axis=0)
     return angle - mean, repeated_covariance(motion, window, expected) + U @ U.T
@@ -180,6 +176,14 @@ def repeated_covariance(motion: Motion, window: Window, expected: Expected) -> F
     n, count = len(window.repetitions), len(s) * len(expected.noise)
     rho = _correlation(motion, window.samples)
     return (1.0 + 1.0 / n) * covariance(s, expected.variability, expected.noise, rho).reshape(count, count)
+
+
+def planned_covariance(motion: Motion, window: Window, expected: Expected) -> Float[np.ndarray, "row row"]:
+    """Of a trial's angles as they are foretold, rad^2 [sample * dof, sample * dof]; what contacts share not counted."""
+    assert expected.movement is not None
+    s = (window.samples - window.onset) / motion.recording.rate
+    angle, rho = motion.angle[window.samples], _correlation(motion, window.samples)
+    return expected.movement.covariance(s, pace(s, angle), expected.noise, rho).reshape(angle.size, -1)
 
 
 def shifts(window: Window, options: FitOptions) -> Float[np.ndarray, "row repetition"]:

@@ -238,7 +238,9 @@ def _check_movement(variability: Variability, planned: PlannedMovement, dofs: in
             f"{list(np.shape(variability.noise))}; the model has {dofs} compliant degrees of freedom, they must be "
             "[2, that many] and [that many]"
         )
-    for name, value in planned._asdict().items():
+    for name, value in planned._replace(doubt=None)._asdict().items():
+        if value is None:
+            continue
         wanted = () if name == "inflation" else (dofs,)
         if np.shape(value) != wanted:
             raise ValueError(

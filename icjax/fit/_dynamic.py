@@ -35,10 +35,10 @@ class Common(eqx.Module):
         U = jnp.asarray(self.basis)
         return rows - U @ (jnp.asarray(self.share) * (U.T @ rows))
 
-    def plain(self, rows: Float[np.ndarray, " row"]) -> Float[np.ndarray, " row"]:
+    def plain(self, rows: Float[np.ndarray, "row *column"]) -> Float[np.ndarray, "row *column"]:
         """r of whitened rows."""
         U, D = np.asarray(self.basis), np.asarray(self.share)
-        return rows + U @ (D / (1.0 - D) * (U.T @ rows))
+        return rows + (U * (D / (1.0 - D))) @ (U.T @ rows)
 
     def expected(self, rows: Float[np.ndarray, " row"]) -> Float[np.ndarray, " row"]:
         """A p, its mean given r: U S^2 / (1 + S^2) U^T r."""

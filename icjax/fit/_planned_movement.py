@@ -1,12 +1,13 @@
 """What a movement without catch trials would have done after contact: a Gaussian process learnt from free movement."""
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
-from icjax.fit._variability import FAST, JITTER, NOISE_SD, matern
+from icjax.fit._variability import FAST, JITTER, NOISE_SD, curvature_inverse, matern
 from icjax.fit._windows import Motion
 from icjax.typing import Float
 
@@ -26,6 +27,9 @@ ANYWHERE = 1.0
 MODES = 6
 """Of the systematic part of each joint; the sixth has a hundredth of the first one's standard deviation or less."""
 
+STEP = 0.03
+"""Of logarithms, in differences of the cost."""
+
 GRID = 0.004
 """s between the times at which these modes are computed."""
 
@@ -38,6 +42,8 @@ class PlannedMovement(NamedTuple):
     - `noise` [dof] multiplies the instrument's standard deviations.
     - `inflation` multiplies the covariance so that free movement foretold from what precedes it misses as much as it
       says.
+    - `doubt` [dof, 4, 4]: covariance of the logarithms of each joint's reach, length, tremor and noise; None: they are
+      known.
     """
 
     reach: Float[np.ndarray, " dof"]
@@ -45,6 +51,13 @@ class PlannedMovement(NamedTuple):
     tremor: Float[np.ndarray, " dof"]
     noise: Float[np.ndarray, " dof"]
     inflation: float
+    doubt: Float[np.ndarray, "dof 4 4"] | None = None
+
+    def moved(self, joint: int, logarithms: Float[np.ndarray, " 4"]) -> "PlannedMovement":
+        """With the reach, length, tremor and noise of one joint multiplied by the exponentials."""
+        numbers = np.stack(self[:4])
+        numbers[:, joint] *= np.exp(logarithms)
+        return self._replace(reach=numbers[0], length=numbers[1], tremor=numbers[2], noise=numbers[3])
 
     def covariance(
         self,
@@ -143,7 +156,7 @@ def learn_movement(
     angle = np.stack(stretches)
     angle, paces = angle - angle[:, :1], pace(s, angle)
     lag = s[:, None] - s[None, :]
-    found = np.empty((len(CENTRE), angle.shape[2]))
+    found, doubt = np.empty((len(CENTRE), angle.shape[2])), np.empty((angle.shape[2], len(CENTRE), len(CENTRE)))
     for joint in range(angle.shape[2]):
         white, rest = noise[joint, joint] * correlation, JITTER**2 * np.eye(len(s)) + ANYWHERE**2
         y, speed = angle[:, :, joint, None], paces[:, joint, None, None]
@@ -157,10 +170,15 @@ def learn_movement(
             return told + 0.5 * np.sum(((x - CENTRE) / WIDTH) ** 2)
 
         bounds = list(zip(CENTRE - 4 * WIDTH, CENTRE + 4 * WIDTH, strict=True))
-        found[:, joint] = np.exp(minimize(cost, CENTRE, method="L-BFGS-B", bounds=bounds).x)
-    plain = PlannedMovement(found[0], found[1], found[2], found[3], 1.0)
+        best = np.asarray(minimize(cost, CENTRE, method="L-BFGS-B", bounds=bounds).x)
+        found[:, joint], doubt[joint] = np.exp(best), curvature_inverse(partial(_slope, cost), best, WIDTH, STEP)
+    plain = PlannedMovement(found[0], found[1], found[2], found[3], 1.0, doubt)
     squares = [_missed(plain, s, one, speed, noise, correlation) for one, speed in zip(angle, paces, strict=True)]
     return plain._replace(inflation=max(1.0, float(np.mean(squares))))
+
+
+def _slope(cost, x: np.ndarray) -> np.ndarray:
+    return np.array([(cost(x + STEP * e) - cost(x - STEP * e)) / (2.0 * STEP) for e in np.eye(len(x))])
 
 
 def _missed(plain, s, angle, speed, noise, correlation) -> float:

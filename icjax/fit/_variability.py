@@ -121,15 +121,14 @@ def learn(
         bounds = [(-14.0, 0.0), (-14.0, 0.0), (-2.0, 2.0)]
         best = np.asarray(minimize(cost, centre, jac=True, method="L-BFGS-B", bounds=bounds).x)
         found[:, joint] = np.exp(best)
-        doubt[joint] = _curvature_inverse(cost, best, width)
+        doubt[joint] = curvature_inverse(lambda x: cost(x)[1], best, width)
     plain = Variability(found[:2], found[2], 1.0, doubt)
     return plain._replace(inflation=max(1.0, _missed(curves, plain, noise, correlations, shift_sd, onset)))
 
 
-def _curvature_inverse(cost, x: np.ndarray, width: np.ndarray) -> np.ndarray:
-    """Covariance of x from differences of the gradient, nowhere wider than the prior."""
-    step = 1e-3
-    H = np.stack([(cost(x + step * e)[1] - cost(x - step * e)[1]) / (2.0 * step) for e in np.eye(len(x))])
+def curvature_inverse(slope, x: np.ndarray, width: np.ndarray, step: float = 1e-3) -> np.ndarray:
+    """Covariance of x from differences of the slope of its cost, nowhere wider than the prior."""
+    H = np.stack([(slope(x + step * e) - slope(x - step * e)) / (2.0 * step) for e in np.eye(len(x))])
     values, axes = np.linalg.eigh(0.5 * (H + H.T) * np.outer(width, width))
     return np.outer(width, width) * ((axes / np.maximum(values, 1.0)) @ axes.T)
 

@@ -1,5 +1,7 @@
 """One recorded session and its fit, shared by the tests that look at it."""
 
+import dataclasses
+
 import pytest
 
 from icjax.capture import capture, read_session
@@ -17,3 +19,11 @@ def session(tmp_path_factory):
 @pytest.fixture(scope="session")
 def fit(session):
     return fit_session(session)
+
+
+@pytest.fixture(scope="session")
+def mixed(session):
+    """The first trial has lost its catch trials."""
+    first = session.trials()[0]
+    kept = tuple(item for item in session.recordings if item.catch_of != first.name)
+    return fit_session(dataclasses.replace(session, recordings=kept))

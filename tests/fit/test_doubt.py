@@ -13,28 +13,32 @@ from icjax.fit._solve import linearised
 
 
 @pytest.mark.slow
-def test_total_covariance(fit):
-    """Mean of covariances and spread of minima, every problem built from its contacts with other variability."""
-    made, x = fit.made, jnp.asarray(fit.solution.value.x)
+def test_total_covariance(mixed):
+    """Mean of covariances and spread of minima, every problem built from its contacts with other variability and other
+    planned movement."""
+    made, x = mixed.made, jnp.asarray(mixed.solution.value.x)
 
-    def minimum(variability):
-        expected = made.expected._replace(variability=variability)
+    def minimum(**other):
+        expected = made.expected._replace(**other)
         again = measured(list(made.windows), made.motions, made.groups, expected, FitOptions())
         r, data, prior = (np.asarray(a) for a in linearised(Problem(made.problem.parameters, (again,)), x))
         J = np.concatenate([data, prior])
         return -np.linalg.lstsq(J, r, rcond=None)[0], np.linalg.inv(J.T @ J)
 
-    variability = made.expected.variability
-    still, S = minimum(variability)
+    still, S = minimum()
     assert np.max(np.abs(still) / np.sqrt(np.diagonal(S))) < 1e-3
-    total = S.copy()
-    for joint, H in enumerate(variability.doubt):
-        values, axes = np.linalg.eigh(H)
-        for value, axis in zip(values, axes.T, strict=True):
-            (a, Sa), (b, Sb) = (minimum(variability.moved(joint, s * np.sqrt(value) * axis)) for s in (1.0, -1.0))
-            total += 0.5 * (Sa + Sb - 2.0 * S) + 0.25 * np.outer(a - b, a - b)
-    np.testing.assert_allclose(fit.laplace.sd, np.sqrt(np.diagonal(total)), rtol=1e-4)
-    assert np.all(fit.laplace.sd[:4] > np.sqrt(np.diagonal(S))[:4])
+    total, wider = S.copy(), []
+    for name in ("variability", "movement"):
+        process, before = getattr(made.expected, name), total.copy()
+        for joint, H in enumerate(process.doubt):
+            values, axes = np.linalg.eigh(H)
+            for value, axis in zip(values, axes.T, strict=True):
+                step = np.sqrt(value) * axis
+                (a, Sa), (b, Sb) = (minimum(**{name: process.moved(joint, s * step)}) for s in (1.0, -1.0))
+                total += 0.5 * (Sa + Sb - 2.0 * S) + 0.25 * np.outer(a - b, a - b)
+        wider.append(np.diagonal(total - before)[:4] / np.diagonal(S)[:4])
+    np.testing.assert_allclose(mixed.laplace.sd, np.sqrt(np.diagonal(total)), rtol=1e-4)
+    assert np.all(np.max(wider, axis=1) > 1e-3)
 
 
 @pytest.mark.slow

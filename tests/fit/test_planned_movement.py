@@ -103,16 +103,14 @@ def test_without_catch_trials(session, fit):
 
 
 @pytest.mark.slow
-def test_mixed_session(session):
+def test_mixed_session(session, mixed):
     """A trial that lost its catch trials stays, beside one that has them."""
-    first = session.trials()[0]
-    kept = tuple(item for item in session.recordings if item.catch_of != first.name)
-    found = fit_session(dataclasses.replace(session, recordings=kept))
-    counts = {window.trial: len(window.repetitions) for window in found.made.windows}
-    assert counts[first.name] == 0
+    windows = mixed.made.windows
+    counts = {window.trial: len(window.repetitions) for window in windows}
+    assert counts[session.trials()[0].name] == 0
     assert sorted(counts.values())[1] == 2
-    basis = np.asarray(found.made.problem.measurements[0].common.basis).reshape(len(found.made.windows), -1)
-    assert [bool(np.abs(item).max() > 1e-9) for item in basis] == [not w.repetitions for w in found.made.windows]
+    basis = np.asarray(mixed.made.problem.measurements[0].common.basis).reshape(len(windows), -1)
+    assert [bool(np.abs(item).max() > 1e-9) for item in basis] == [not w.repetitions for w in windows]
 
 
 def test_common_part_is_integrated_out():
@@ -128,3 +126,14 @@ def test_common_part_is_integrated_out():
     np.testing.assert_allclose(common.plain(white), r, atol=1e-12)
     p = np.linalg.solve(np.eye(4) + A.T @ A, A.T @ r)
     np.testing.assert_allclose(common.expected(r), A @ p, atol=1e-12)
+
+
+def test_doubt_is_the_spread_over_people():
+    """Hyperparameters learnt from many times 30 stretches scatter as one set's curvature says."""
+    generator = np.random.default_rng(12)
+    found = [learn_movement(S, stretches(30, generator), NOISE, WHITE) for _ in range(12)]
+    told = np.sqrt(np.mean([np.diagonal(item.doubt, axis1=1, axis2=2) for item in found], axis=0))
+    scattered = np.std(np.log([np.stack(item[:4]) for item in found]), axis=0, ddof=1).T
+    ratio = scattered[:, :3] / told[:, :3]
+    assert np.all(ratio > 0.5)
+    assert np.all(ratio < 1.7)
