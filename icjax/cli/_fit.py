@@ -20,7 +20,8 @@ OPTIONS = (
 
 @dataclass(frozen=True)
 class Fit:
-    """Fit compliance to the first 100 ms of every contact of a session against its catch trials; write DIR/fit_NAME.nc.
+    """Fit compliance to the first 100 ms of every contact of a session against its catch trials; write DIR/fit_NAME.nc
+    (fit_NAME_by_trial.nc where compliance may change).
 
     Catch trials are the same movement with the surface taken away; without them intervals are several times as wide. A
     joint that the contacts hardly loaded is refused: it gets bounds and a reason, no number. The paper's estimate of
@@ -30,7 +31,7 @@ class Fit:
     session: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RECORDING.NC|SESSION.TOML")]
     """Session written by `icjax capture`, or a session file, which is captured first."""
     out: Path | None = None
-    """Folder for the result; the recording's own folder if not given, icjax-out for a session file."""
+    """Folder for the result, replaced there; the recording's own folder if not given, icjax-out for a session file."""
     after: float = 0.1
     """What is compared after the onset, s (reflexes act after about 0.1 s)."""
     before: float = 0.25
@@ -44,7 +45,8 @@ class Fit:
     compliance_by: Literal["session", "trial", "contact"] = "session"
     """Where compliance may change; each trial's or contact's is then drawn to what all have in common."""
     compliance_change: float = 0.3
-    """How far: standard deviation of the logarithm about what all have in common."""
+    """How far: standard deviation of the logarithm about what all have in common. 0.3 is about a third; where subjects
+    were told to stiffen, 1."""
     inertia_sd: float = 0.5
     """Relative standard deviation of the segments' masses about those of the model."""
     shift_sd: float = 0.015
@@ -52,7 +54,8 @@ class Fit:
     widest: float = 4.0
     """A joint is refused where the ends of its interval differ by more than this factor."""
     profile: bool = False
-    """Find intervals by profile likelihood too: where they differ from the others, those are not to be trusted."""
+    """Find intervals by profile likelihood too: where they differ from the others, those are not to be trusted. Of one
+    compliance through the session only."""
     resume: bool = False
     """Go on from where an interrupted fit with the same options ended."""
 
@@ -65,7 +68,8 @@ class Fit:
             raise ValueError(f"--profile is of one compliance a joint: not with --compliance-by {self.compliance_by}")
         options = FitOptions(**{name: getattr(self, name) for name in OPTIONS})
         session, folder = self._session()
-        path = folder / f"fit_{file_name(session.name)}.nc"
+        changes = "" if self.compliance_by == "session" else f"_by_{self.compliance_by}"
+        path = folder / f"fit_{file_name(session.name)}{changes}.nc"
         checkpoint = path.with_suffix(f".{_key(session, options)}.checkpoint")
         self._prepare(checkpoint)
         steps = Steps(3)

@@ -28,6 +28,9 @@ def check_fit(fit: FitRecord) -> list[str]:
             fit.joint_names, fit.compliance, fit.lower, fit.upper, fit.refused, strict=False
         )
     )
+    if len(fit.periods.period_names) > 1:
+        refused = np.asarray(fit.periods.refused)
+        told += f", means of {len(refused)} parts ({refused.sum()} of {refused.size} of their numbers refused)"
     lines = [
         f"fit '{fit.name}': {len(fit.windows.trial)} contacts of {len(fit.trials)} trials, {fit.catch_trials} catch "
         f"trials; {told}"

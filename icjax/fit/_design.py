@@ -238,6 +238,11 @@ def _check_movement(variability: Variability, planned: PlannedMovement, dofs: in
             f"{list(np.shape(variability.noise))}; the model has {dofs} compliant degrees of freedom, they must be "
             "[2, that many] and [that many]"
         )
+    if not isinstance(planned, PlannedMovement):
+        raise ValueError(
+            f"planned_movement is a {type(planned).__name__}: must be a PlannedMovement, such as "
+            "session_problem(pilot).expected.movement of a pilot without catch trials"
+        )
     for name, value in planned._replace(doubt=None)._asdict().items():
         if value is None:
             continue

@@ -35,6 +35,11 @@ class Common(eqx.Module):
         U = jnp.asarray(self.basis)
         return rows - U @ (jnp.asarray(self.share) * (U.T @ rows))
 
+    def again(self, rows: Float[np.ndarray, "row *column"]) -> Float[np.ndarray, "row *column"]:
+        """Whitened rows of r, or of columns of it."""
+        U = np.asarray(self.basis)
+        return rows - (U * np.asarray(self.share)) @ (U.T @ rows)
+
     def plain(self, rows: Float[np.ndarray, "row *column"]) -> Float[np.ndarray, "row *column"]:
         """r of whitened rows."""
         U, D = np.asarray(self.basis), np.asarray(self.share)

@@ -58,7 +58,7 @@ def joints_of(
     learned = np.where(np.isfinite(upper - lower), np.clip(1.0 - sd**2 / prior, 0.0, 1.0), 0.0)
     loads = _loads(made, np.asarray(_deviation(made.problem, x)))
     joints = [
-        _joint(made.dof_names[row % count], *told, loads[row % count], options)
+        _joint(made.dof_names[row % count], *told, loads[row // count][row % count], options)
         for row, told in enumerate(zip(log_C, lower, upper, learned, strict=True))
     ]
     table = tuple(tuple(joints[row : row + count]) for row in range(0, len(joints), count))
@@ -72,17 +72,20 @@ def _deviation(problem: Problem, x: Any) -> jax.Array:
 
 
 class _Load(NamedTuple):
-    """Of one joint in the session's contacts: what they did to it and what would have to be known to see that."""
+    """Of one joint in the contacts of the session, or of a period (`part`): what they did to it and what would have to
+    be known to see that."""
 
     torque: float
     moved: float
     doubt: float
     contacts: int
     repeated: bool
+    part: bool
 
 
-def _loads(made: SessionProblem, deviation: np.ndarray) -> list[_Load]:
-    """Largest torque and deflection of each joint, the median over contacts, and the doubt about its reference."""
+def _loads(made: SessionProblem, deviation: np.ndarray) -> list[list[_Load]]:
+    """Largest torque and deflection of each joint, the median over contacts, and the doubt about its reference: of the
+    session, then of every period where there are several."""
     rows = []
     for number, window in enumerate(made.windows):
         motion = made.motions[window.trial]
@@ -92,11 +95,23 @@ def _loads(made: SessionProblem, deviation: np.ndarray) -> list[_Load]:
         doubt = np.linalg.norm(left, axis=1).reshape(len(window.samples), -1)[-1]
         moved = np.abs(deviation[number, : window.last - window.first + 1]).max(axis=0)
         rows.append([np.abs(motion.torque[frames]).max(axis=0), moved, doubt])
-    torque, moved, doubt = np.median(rows, axis=0)
-    repeated = all(window.repetitions for window in made.windows)
+    of = made.problem.measurements[0].period
+    whole = np.ones(len(rows), bool)
+    parts = [] if of is None else [np.asarray(of) == number for number in range(len(made.periods))]
+    repeated = np.array([bool(window.repetitions) for window in made.windows])
     return [
-        _Load(float(torque[joint]), float(moved[joint]), float(doubt[joint]), len(rows), repeated)
-        for joint in range(len(torque))
+        [
+            _Load(
+                float(torque),
+                float(moved),
+                float(doubt),
+                int(part.sum()),
+                bool(repeated[part].all()),
+                part is not whole,
+            )  # fmt: skip
+            for torque, moved, doubt in np.median(np.array(rows)[part], axis=0).T
+        ]
+        for part in (whole, *parts)
     ]
 
 
@@ -122,6 +137,8 @@ def _refusal(width: float, sd: float, load: _Load, options: FitOptions) -> str:
     )
     if not load.repeated:
         return told + "catch trials, the same movement with the surface taken away"
+    if load.part:
+        return told + "more such contacts there, or such as load it more"
     wanted = (2.0 * QUANTILE / np.log(options.widest)) ** 2 - options.compliance_sd**-2
     added = sd**-2 - options.compliance_sd**-2 if np.isfinite(sd) else 0.0
     if wanted < MOST_TIMES * added:

@@ -9,10 +9,11 @@ from icjax import __version__
 from icjax.estimation import estimates
 from icjax.fit._drift import drift
 from icjax.fit._parameters import Parameter
+from icjax.fit._problem import intervals
 from icjax.fit._profile import profile
 from icjax.fit._record import FitPeriods, FitRecord, FittedParameters, FitWindows
 from icjax.fit._reference import contact_free
-from icjax.fit._result import SessionFit, intervals
+from icjax.fit._result import SessionFit
 from icjax.fit._solve import linearised
 from icjax.inference import QUANTILE, Identity, Log
 from icjax.interaction import JointCompliance
@@ -195,7 +196,8 @@ def _provenance(fit: SessionFit, session: Session) -> str:
         {
             "estimator": "dynamic response after contact against catch trials (without them against movement "
             "foretold from before contact), Levenberg-Marquardt, intervals by the rise of the cost",
-            "caution": "intervals hold if the model holds: constant compliance, linear damping, masses and offsets "
+            "caution": f"intervals hold if the model holds: compliance constant in every {fit.options.compliance_by}, "
+            "linear damping, masses and offsets "
             "within their priors, repetitions that vary as the catch trials do",
             "session": session.name,
             "subject": session.subject,

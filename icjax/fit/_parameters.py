@@ -27,7 +27,7 @@ class Parameter(eqx.Module):
 
     - `name`: by which measurement models know it. `unit`: for people.
     - `nominal`: value where the fit starts and where the prior is centred, of any shape.
-    - `transform`: how x becomes the value; default the value itself.
+    - `transform`: how x becomes the value (`icjax.inference`: `Log()`, ...); default the value itself.
     - `prior_sd`: of x, one number or one for each of x; None says nothing beforehand.
     - `shared_sd`: of what x has in common along the value's first axis beyond `prior_sd`; None: nothing.
     - `smooth`: standard deviation of (order `smooth_order`) differences of x along the value's first axis; None.
@@ -48,6 +48,11 @@ class Parameter(eqx.Module):
 
     def __check_init__(self):
         """**Errors**: `ValueError` naming the parameter, for a value that is not finite or outside its range."""
+        if not isinstance(self.transform, Transform):
+            raise ValueError(
+                f"parameter {self.name!r}: transform = {self.transform!r}: must be one of icjax.inference, such as "
+                "Log()"
+            )
         known = _known(self.nominal)
         if known is not None and not np.isfinite(known).all():
             raise ValueError(f"parameter {self.name!r}: its nominal value {known} is not finite")
@@ -117,6 +122,8 @@ class Parameters(eqx.Module):
     of: tuple[Parameter, ...]
 
     def __check_init__(self):
+        if isinstance(self.of, Parameter):
+            raise ValueError(f"parameters: must be several, (parameter,); got the one {self.of.name!r}")
         names = [item.name for item in self.of]
         for name in names:
             if names.count(name) > 1:

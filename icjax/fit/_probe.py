@@ -16,6 +16,10 @@ PAD_STIFFNESS = 750.0
 """N/m, of a fingertip's pulp between bone and surface where the model states none."""
 
 
+MOST = {"speed": 3.0, "depth": 0.3, "hover": 0.5}
+"""m/s and m; beyond, millimetres are likely meant."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Probe:
     """A kind of contact that might be recorded, so many times.
@@ -68,6 +72,9 @@ class Probe:
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise self._error(name, value, "above zero and finite")
+        for name, most in MOST.items():
+            if getattr(self, name) > most and not math.isinf(self.depth if name == "depth" else 0.0):
+                raise self._error(name, getattr(self, name), f"at most {most:g}, as fast and far as fingers move")
         if not self.depth > 0:
             raise self._error("depth", self.depth, "above zero (inf: the movement keeps its speed)")
         if not (math.isfinite(self.friction) and self.friction >= 0):

@@ -4,8 +4,10 @@ from typing import Any, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 
 from icjax.fit._parameters import Parameters, Values
+from icjax.inference import Laplace, jacobian, laplace
 from icjax.typing import Float, Real
 
 
@@ -50,6 +52,15 @@ class Problem(eqx.Module):
                     f"there are {', '.join(sorted(known))}"
                 )
 
+        for item in self.parameters.of:
+            if item.name.split(" of ", 1)[0] == "compliance" and item.shared_sd is not None:
+                for measurement in self.measurements:
+                    if item.name in measurement.uses and getattr(measurement, "period", None) is None:
+                        raise ValueError(
+                            f"measurement {measurement.name!r} has no `period`: it cannot tell which row of "
+                            f"{item.name!r} is its own; give every trial a parameter, 'compliance of ...'"
+                        )
+
     def data(self, x: Float[Real, " n"]) -> Float[Real, " row"]:
         """Residuals of the measurements."""
         values = self.parameters.values(x)
@@ -59,6 +70,23 @@ class Problem(eqx.Module):
         """Residuals of the measurements, then of the priors."""
         return jnp.concatenate([self.data(x), self.parameters.prior(x)])
 
+    def laplace(self, x: Float[Real, " n"]) -> Laplace:
+        """What is known of x at a minimum (`solve`), from the exact Jacobian: standard deviations, correlations, and
+        what nothing determines. Numbers count in units of their priors where they have one."""
+        data, prior = _jacobians(self, jnp.asarray(x))
+        return intervals(np.asarray(data), np.asarray(prior))
+
     def cost(self, x: Float[Real, " n"]) -> Float[Real, ""]:
         """Half the sum of squares."""
         return 0.5 * jnp.sum(self.residual(x) ** 2)
+
+
+@eqx.filter_jit
+def _jacobians(problem: Problem, x):
+    return jacobian(problem.data, x), jacobian(problem.parameters.prior, x)
+
+
+def intervals(data: np.ndarray, prior: np.ndarray) -> Laplace:
+    """`laplace` in units of the priors: a delay in seconds beside logarithms is no blind direction."""
+    units = np.linalg.norm(prior, axis=0)
+    return laplace(data, prior, scale=np.divide(1.0, units, out=np.ones_like(units), where=units > 0))

@@ -6,13 +6,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from icjax.fit._changes import change_warnings, changed
 from icjax.fit._doubt import with_doubt
 from icjax.fit._joints import JointFit, joints_of
 from icjax.fit._options import FitOptions
 from icjax.fit._parameters import Values
+from icjax.fit._problem import intervals
 from icjax.fit._session import SessionProblem, session_problem
 from icjax.fit._solve import Minimum, Progress, linearised, solve
-from icjax.inference import Laplace, laplace
+from icjax.inference import Laplace
 from icjax.recording import Session
 from icjax.results import RESULTS, Solution
 
@@ -23,7 +25,8 @@ class SessionFit(NamedTuple):
     `periods` has the joints of every period in which compliance may be another (`SessionProblem.periods`); there is one
     where it is the same throughout. With several `joints` are their geometric means.
 
-    `warnings` are what a reader must know: a fit that did not converge or never moved.
+    `warnings` are what a reader must know: a fit that did not converge or never moved, trials that speak for
+    different compliances (`changed`).
     """
 
     made: SessionProblem
@@ -76,21 +79,17 @@ def fit_session(
     )
     x = found.value.x
     residual, data, prior = linearised(made.problem, x)
-    data, prior, rows = np.asarray(data), np.asarray(prior), np.asarray(residual)[: len(data)]
+    data, prior, both = np.asarray(data), np.asarray(prior), np.asarray(residual)
+    rows = both[: len(data)]
     plain = intervals(data, prior)
     known = with_doubt(plain, made, data, rows, options)
     compared = len(made.dof_names) * sum(len(window.samples) for window in made.windows)
     joints, *periods = joints_of(made, x, plain, known, options)
     values = made.problem.parameters.values(x)
+    warnings = _warnings(made, found) + change_warnings(changed(made, data, prior, both))
     return SessionFit(
-        made, found, values, known, joints, tuple(periods), float(np.sum(rows**2)) / compared, _warnings(made, found),
-        options,
-    )  # fmt: skip
-
-
-def intervals(data: np.ndarray, prior: np.ndarray) -> Laplace:
-    """`laplace` in units of the priors: a delay in seconds beside logarithms is no blind direction."""
-    return laplace(data, prior, scale=1.0 / np.linalg.norm(prior, axis=0))
+        made, found, values, known, joints, tuple(periods), float(np.sum(rows**2)) / compared, warnings, options
+    )
 
 
 def _warnings(made: SessionProblem, found: Solution[Minimum]) -> tuple[str, ...]:

@@ -20,6 +20,13 @@ def of_role(uses: Sequence[str], values: Values, wanted: str) -> Any:
     return values[names[0]] if names else None
 
 
+def used(what: str, uses: Sequence[str] | None, **default: bool) -> tuple[str, ...]:
+    """Names of the parameters, where none are given those of `default`. **Errors**: `ValueError` for one text."""
+    if isinstance(uses, str):
+        raise ValueError(f"{what}: uses = {uses!r}: must be several names, ({uses!r},)")
+    return tuple(name for name, needed in default.items() if needed) if uses is None else tuple(uses)
+
+
 def check_uses(what: str, uses: Sequence[str], known: Sequence[str], several: Sequence[str] = ()) -> None:
     """**Errors**: `ValueError` for a parameter of no known role, and for two of one role unless in `several`."""
     for name in uses:

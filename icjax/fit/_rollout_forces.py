@@ -1,6 +1,7 @@
 """Measured contact forces against those of a simulated contact."""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -10,7 +11,7 @@ import numpy as np
 
 from icjax.fit._check_forces import check_forces, measured_rows, pads_to_slots
 from icjax.fit._parameters import Values
-from icjax.fit._roles import of_role, role
+from icjax.fit._roles import of_role, role, used
 from icjax.fit._static import deviated
 from icjax.lcp import Exact, Smoothed
 from icjax.model import Model, difference, integrate
@@ -58,7 +59,9 @@ class ContactForces(eqx.Module):
       freedom); default not compared.
     - `joints`: the compliant degrees of freedom by name, default those of finite compliance above zero; the others
       are driven. `pads`: names of those with a sensor, default all. `counts` `[time]` which samples count, default all.
-    - `uses`; `adjoint`.
+    - `uses`, default "compliance" and with a basis "reference"; `adjoint`.
+
+    To simulate forces that were never measured, give zeros and call `predict`.
 
     **Errors**: `ValueError` for shapes that do not agree, numbers that are not finite in a sample that counts,
     standard deviations that are not positive, a reference that ends before the trial or lacks its times, with objects
@@ -92,7 +95,7 @@ class ContactForces(eqx.Module):
         force_sd: Any,
         nominal: Any,
         *,
-        uses: tuple[str, ...] = ("compliance", "reference"),
+        uses: Sequence[str] | None = None,
         reference_time: Any = None,
         basis: Any = None,
         angles: Any = None,
@@ -103,7 +106,8 @@ class ContactForces(eqx.Module):
         adjoint: Exact | Smoothed | None = None,
     ):
         what = f"measurement {name!r}"
-        self.name, self.uses, self.model, self.scene, self.adjoint = name, tuple(uses), model, scene, adjoint
+        self.name, self.model, self.scene, self.adjoint = name, model, scene, adjoint
+        self.uses = used(what, uses, compliance=True, reference=basis is not None)
         self.dofs = compliant(what, model, joints)
         self.gather = pads_to_slots(what, model, scene, pads)
         rows, self.counts = measured_rows(what, scene, time, reference_time, counts)

@@ -96,7 +96,7 @@ def session_problem(session: Session, options: FitOptions | None = None) -> Sess
         raise ValueError(f"session {session.name!r}: the contact torque never varies ({varied:.1e} Nm)")
     groups, segments = segment_groups(model, dofs)
     expected = expectation(windows, motions, options)
-    periods, of = _periods(windows, options)
+    periods, of = _periods(windows, motions, options)
     measurement = dataclasses.replace(measured(windows, motions, groups, expected, options), period=of)
     names = tuple(model.dof_names[dof] for dof in dofs)
     parameters = _parameters(model, dofs, segments, next(iter(motions.values())).offset_names, options, periods)
@@ -188,12 +188,17 @@ def _left_out(found: list[Window | str], repetitions: dict[str, list[Motion]]) -
     return tuple(lines)
 
 
-def _periods(windows: list[Window], options: FitOptions) -> tuple[tuple[str, ...], np.ndarray | None]:
+def _periods(
+    windows: list[Window], motions: dict[str, Motion], options: FitOptions
+) -> tuple[tuple[str, ...], np.ndarray | None]:
     """Their names, and of every window the number of its own; None where there is one."""
     if options.compliance_by == "session":
         return ("session",), None
-    single = options.compliance_by == "contact"
-    own = [f"{window.trial} contact {window.event}" if single else window.trial for window in windows]
+    own = [window.trial for window in windows]
+    if options.compliance_by == "contact":
+        begins = [float(np.asarray(motions[w.trial].recording.events.onset)[w.event]) for w in windows]
+        own = [f"{trial}, {begin:.2f} s" for trial, begin in zip(own, begins, strict=True)]
+        own = [f"{name}, {w.event}" if own.count(name) > 1 else name for name, w in zip(own, windows, strict=True)]
     names = tuple(dict.fromkeys(own))
     return names, np.array([names.index(name) for name in own])
 

@@ -1,5 +1,6 @@
 """Measured angles and torques: the compliance without a simulation."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -7,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from icjax.fit._parameters import Values
-from icjax.fit._roles import check_array, check_sd, check_time, check_uses, counted, of_role
+from icjax.fit._roles import check_array, check_sd, check_time, check_uses, counted, of_role, used
 from icjax.typing import Bool, Float, Real
 
 ROLES = ("compliance", "reference")
@@ -28,6 +29,9 @@ class StaticEquilibrium(eqx.Module):
 
     - "compliance": `[joint]` the diagonal or `[joint, joint]`, rad/Nm. Without it: `compliance`.
     - "reference", or "reference of ..." of some movement: d `[basis, joint]`, rad. Without it: zero.
+
+    **Arguments** are the fields, and `time` `[time]` s of the samples, which must increase; `uses`, default
+    "compliance" unless one is given, and with a basis "reference".
 
     **Fields**: `name`; `uses`; `angles` and `torque` `[time, joint]` measured, rad and Nm (of external forces on the
     joints); `angle_sd` rad, one number, one a joint or one a sample; `nominal` theta_0 `[time, joint]`, rad, default
@@ -56,13 +60,14 @@ class StaticEquilibrium(eqx.Module):
         torque: Any,
         angle_sd: Any,
         *,
-        uses: tuple[str, ...] = ("compliance", "reference"),
+        uses: Sequence[str] | None = None,
         nominal: Any = None,
         basis: Any = None,
         compliance: Any = None,
         counts: Any = None,
     ):
         what = f"measurement {name!r}"
+        uses = used(what, uses, compliance=compliance is None, reference=basis is not None)
         check_uses(what, uses, ROLES)
         rows = check_time(f"{what}: time", time).size
         if np.ndim(angles) != 2:

@@ -10,9 +10,13 @@ from icjax.fit._check_fit import far_from_prior, unusual_chi2
 from icjax.fit._design import Design
 from icjax.fit._design_figures import design_figures
 from icjax.fit._record import FitRecord
+from icjax.fit._session import LEAST_EVENTS
 
 WIDTH = 110
 """Characters of a line, as many as the table has."""
+
+MANY = 200
+"""Contacts that nobody records."""
 
 WIDEST_NAME = 40
 """Characters of a probe's name in a table."""
@@ -58,15 +62,22 @@ def fit_text(record: FitRecord) -> str:
 
 
 def _by_period(record: FitRecord) -> list[str]:
-    """Of every joint what each period says; none where there is one."""
-    periods, lines = record.periods, []
+    """A row for every period; none where there is one."""
+    periods = record.periods
     if len(periods.period_names) == 1:
-        return lines
-    for index, joint in enumerate(periods.joint_names):
-        rows = zip(periods.period_names, *(np.asarray(x)[:, index] for x in (
-            periods.compliance, periods.lower, periods.upper, periods.refused)), strict=True)  # fmt: skip
-        told = (f"{name} {'refused' if no else f'{value:.3g}'} {_interval(a, b)}" for name, value, a, b, no in rows)
-        lines += wrap(f"{joint} by {'; '.join(told)}", WIDTH, subsequent_indent="    ")
+        return []
+    name = max(map(len, periods.period_names))
+    lines = [
+        "above: geometric means of the following, rad/Nm with 95 % intervals (of refused ones the bounds)",
+        f"{'':{name}s}" + "".join(f"  {joint:>24s}" for joint in periods.joint_names),
+    ]
+    numbers = (np.asarray(x) for x in (periods.compliance, periods.lower, periods.upper, periods.refused))
+    for period, *row in zip(periods.period_names, *numbers, strict=True):
+        cells = (
+            f"{'refused' if no else f'{value:.3g}'} {_interval(lower, upper)}"
+            for value, lower, upper, no in zip(*row, strict=True)
+        )
+        lines.append(f"{period:{name}s}" + "".join(f"  {cell:>24s}" for cell in cells))
     return lines
 
 
@@ -87,14 +98,19 @@ def design_text(plan: Design, best: int = 3) -> str:
     joints, rows, widest = found["joints"], found["probes"], found["widest"]
     label = min(max(len(row["probe"]) for row in rows), WIDEST_NAME)
     lines = [
-        f"expected 95 % intervals, largest over smallest value; {found['catch trials'] or 'no'} catch trials a trial; "
+        f"expected 95 % intervals, largest over smallest value; "
+        f"{f'{plan.catch_trials} catch trials a trial' if plan.catch_trials else 'no catch trials'}; "
         f"* above {widest:g}: no number",
         f"{'probe':{label}s} {'contacts':>8s}" + "".join(f"{joint[:9]:>10s}" for joint in joints),
     ]
     for row in rows:
         lines.append(f"{row['probe'][:label]:{label}s} {row['contacts']:8d}{_widths(row['width'], widest)}")
+    few = [row["probe"] for row in rows if row["contacts"] < LEAST_EVENTS]
+    if few:
+        lines += wrap(f"a session needs at least {LEAST_EVENTS} contacts: {', '.join(few)}", WIDTH)
     missing = [_missing(joints, row, j, plan.catch_trials) for row in rows for j in _refused(joints, row)]
-    lines += ["", *(missing or ["every joint gets a number from every probe"]), ""]
+    told = missing or ["every joint gets a number from every probe"]
+    lines += ["", *(part for line in told for part in wrap(line, WIDTH, subsequent_indent="    ")), ""]
     for item in found["best sets"]:
         lines.append(f"best {len(item['probes'])} of {item['contacts']} contacts: {'; '.join(item['probes'])}")
         lines.append(f"{'':{label}s} {item['contacts']:8d}{_widths(item['width'], widest)}")
@@ -106,7 +122,7 @@ def design_text(plan: Design, best: int = 3) -> str:
 
 def _widths(width: list[float | None], widest: float) -> str:
     shown = [("inf" if w is None else f"{w:.3g}") + ("*" if w is None or w > widest else " ") for w in width]
-    return "".join(f"{item:>10s}" for item in shown)
+    return "".join(f"{item:>10s}" for item in shown).rstrip()
 
 
 def _refused(joints: list[str], row: dict[str, Any]) -> list[int]:
@@ -115,12 +131,13 @@ def _refused(joints: list[str], row: dict[str, Any]) -> list[int]:
 
 def _missing(joints: list[str], row: dict[str, Any], j: int, catch_trials: int) -> str:
     needed = row["contacts needed"][j]
-    cure = "more contacts do not help" if needed is None else f"or {needed:.0f} contacts"
+    helps = needed is not None and needed <= MANY
+    cure = f", or {needed:.0f} contacts" if helps else "; more contacts are no cure"
     doubtful, first = "repetitions leave", ""
     if not catch_trials:
-        doubtful, first = "the movement before contact leaves", "a catch trial, "
+        doubtful, first = "the movement before contact leaves", "a catch trial, or "
     return (
         f"{row['probe']}: {joints[j]} is loaded by {1e3 * row['torque Nm'][j]:.1f} mNm and moves "
         f"{degrees(row['deflection rad'][j]):.2f} degrees where {doubtful} {degrees(row['doubt rad'][j]):.2f} open; "
-        f"missing: {first}a contact that loads it more, {cure}"
+        f"missing: {first}a contact that loads it more{cure}"
     )

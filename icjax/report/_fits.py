@@ -140,13 +140,14 @@ def _by_period(fit: FitRecord) -> str:
         for row, period in enumerate(periods.period_names)
     ]
     return paragraph(
-        "Compliance may change between these parts of the session; above are the geometric means. Each part is drawn "
-        "to what all have in common, so that a change must show in the data."
+        "Compliance may change between these parts of the session (rad/Nm, with 95 % intervals; of refused ones the "
+        "bounds); above are the geometric means. Each part is drawn to what all have in common, so that a change must "
+        "show in the data."
     ) + table(["", *periods.joint_names], rows, words=(0,))
 
 
 def _cell(value: float, lower: float, upper: float, refused: float) -> str:
-    return f"{'refused' if refused else value_text(value)} {_whole(interval_text(lower, upper))}"
+    return _whole(f"{'refused' if refused else value_text(value)} ({interval_text(lower, upper)})")
 
 
 def _whole(words: str) -> str:

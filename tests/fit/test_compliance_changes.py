@@ -9,7 +9,19 @@ import pytest
 from fit.test_dynamic import EVENTS, C, T, measurement, values
 
 from icjax.capture import capture, read_session
-from icjax.fit import FitOptions, Parameter, Parameters, Problem, fit_record, fit_session, fit_text, solve
+from icjax.fit import (
+    FitOptions,
+    Parameter,
+    Parameters,
+    Problem,
+    StaticEquilibrium,
+    fit_record,
+    fit_session,
+    fit_text,
+    solve,
+)  # fmt: skip
+from icjax.fit._changes import change_warnings, changed
+from icjax.fit._solve import linearised
 from icjax.inference import QUANTILE, Log, laplace
 from icjax.laboratory import record
 
@@ -81,13 +93,51 @@ def test_a_session_whose_wrist_changes(tmp_path):
     assert fit.joints[0].compliance == pytest.approx(mean, rel=1e-9)
     assert fit.joints[0].width < wrist[0].width * 1.05
     told = fit_record(fit, session)
-    assert f"wrist by trial00 {wrist[0].compliance:.3g}" in fit_text(told)
+    row = next(line for line in fit_text(told).splitlines() if line.startswith("trial00"))
+    assert row.split()[1:4] == [f"{wrist[0].compliance:.3g}", f"[{wrist[0].lower:.3g},", f"{wrist[0].upper:.3g}]"]
+    for parts, joints in zip(fit.periods, fit.made.periods, strict=True):
+        assert all("such contacts there" in joint.refused for joint in parts if joint.refused), joints
+    one = fit_session(session)
+    assert "trials speak for different compliances" in one.warnings[-1]
+    assert "wrist" in one.warnings[-1]
     with pytest.raises(ValueError, match="profiles are of one compliance"):
         fit_record(fit, session, told.paper, profiles=True)
 
 
 def _second(item):
     return f"second-{item.catch_of}" if item.catch_of else item.catch_of
+
+
+@pytest.mark.slow
+def test_trials_of_one_compliance_are_not_called_different(fit):
+    """Unless one's wrist yields by half more: then the wrist is named."""
+    residual, data, prior = (np.asarray(a) for a in linearised(fit.made.problem, jnp.asarray(fit.solution.value.x)))
+    found = changed(fit.made, data, prior, residual)
+    assert min(found.values()) > 0.01
+    assert not any("trials speak" in line for line in fit.warnings)
+    length = fit.made.problem.measurements[0].whitening.shape[1]
+    first = np.repeat([w.trial == fit.made.windows[0].trial for w in fit.made.windows], length)
+    wrist = fit.made.problem.parameters.slices["compliance"].start
+    moved = residual.copy()
+    moved[: len(data)] += np.log(1.5) * data[:, wrist] * first
+    found = changed(fit.made, data, prior, moved)
+    assert found["wrist"] < 1e-4
+    assert change_warnings(found)[0].startswith("trials speak for different compliances")
+    assert change_warnings({"wrist": 0.4, "MP": 0.001}) == ()
+
+
+@pytest.mark.slow
+def test_one_trial_says_nothing_of_changes(fit):
+    alone = fit.made._replace(windows=fit.made.windows[:3])
+    assert changed(alone, np.zeros((1, 1)), np.zeros((1, 1)), np.zeros(2)) == {}
+
+
+def test_hierarchical_compliance_needs_to_know_its_row():
+    """A measurement without periods would take [trial, joint] for a full matrix."""
+    rows = Parameter("compliance", np.full((2, 2), 0.5), "rad/Nm", Log(), 0.5, 2.0)
+    trial = StaticEquilibrium("first", np.arange(3.0), np.zeros((3, 2)), np.ones((3, 2)), 0.01)
+    with pytest.raises(ValueError, match="'first' has no `period`.*'compliance of ...'"):
+        Problem(Parameters((rows,)), (trial,))
 
 
 def test_bad_choice():

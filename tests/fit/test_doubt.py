@@ -7,16 +7,25 @@ import pytest
 from icjax.fit import FitOptions
 from icjax.fit._contacts import measured
 from icjax.fit._doubt import with_doubt
-from icjax.fit._problem import Problem
-from icjax.fit._result import intervals
+from icjax.fit._inertia import inertia_along
+from icjax.fit._problem import Problem, intervals
 from icjax.fit._solve import linearised
 
 
 @pytest.mark.slow
-def test_total_covariance(mixed):
+def test_total_covariance(mixed, monkeypatch):
     """Mean of covariances and spread of minima, every problem built from its contacts with other variability and other
     planned movement."""
     made, x = mixed.made, jnp.asarray(mixed.solution.value.x)
+    known = {}
+
+    def inertia_once(motion, movement, groups, frames, by):
+        key = motion.recording.name, int(frames[0])
+        if key not in known:
+            known[key] = inertia_along(motion, movement, groups, frames, by)
+        return known[key]
+
+    monkeypatch.setattr("icjax.fit._contacts.inertia_along", inertia_once)
 
     def minimum(**other):
         expected = made.expected._replace(**other)

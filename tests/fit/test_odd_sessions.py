@@ -8,8 +8,9 @@ import pytest
 
 from icjax.fit import Minimum, _contacts, session_problem
 from icjax.fit._options import FitOptions
+from icjax.fit._problem import intervals
 from icjax.fit._repetitions import aligned
-from icjax.fit._result import _warnings, intervals
+from icjax.fit._result import _warnings
 from icjax.fit._windows import contact_frames, motion_of, without_contact
 from icjax.recording import ContactEvents
 from icjax.results import RESULTS, Solution

@@ -88,7 +88,7 @@ def test_a_plan_without_catch_trials(plan, capsys):
     """From the file, and in its place from the command line."""
     assert main(["design", str(plan), "--catch-trials", "0"]) == 0
     printed = capsys.readouterr().out
-    assert "no catch trials a trial" in printed
+    assert "no catch trials; *" in printed
     assert "where the movement before contact leaves" in printed
     plan.write_text(TEXT.replace("catch_trials = 3", "catch_trials = 0"))
     assert read_design(plan).catch_trials == 0

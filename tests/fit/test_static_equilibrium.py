@@ -56,13 +56,14 @@ def test_a_reference_free_in_every_sample_leaves_the_compliance_undetermined():
     torque = TORQUES[0]
     alone = StaticEquilibrium("alone", TIME, torque @ C, torque, 0.001, basis=np.eye(12))
     parameters = Parameters((Parameter("compliance", np.diag(C), transform=Log()), Parameter("reference", torque @ C)))
-    J = jacobian(Problem(parameters, (alone,)).data, parameters.start)
-    known = laplace(J, np.zeros((0, parameters.size)))
+    known = Problem(parameters, (alone,)).laplace(parameters.start)
     assert np.isinf(known.sd[:2]).all()
     assert known.blind.shape[1] == 2
     shared = problem()
-    known = laplace(jacobian(shared.data, shared.parameters.start), np.zeros((0, 13)))
+    known = shared.laplace(shared.parameters.start)
     assert np.isfinite(known.sd).all()
+    plain = laplace(jacobian(shared.data, shared.parameters.start), np.zeros((0, 13)))
+    np.testing.assert_allclose(known.sd, plain.sd, rtol=1e-9)
 
 
 def test_samples_that_do_not_count():
@@ -88,11 +89,12 @@ GOOD = {"name": "x", "time": TIME, "angles": np.zeros((12, 2)), "torque": np.zer
         ({"angle_sd": 0.0}, "angle_sd"),
         ({"time": TIME[::-1]}, "increase"),
         ({"basis": np.zeros((3, 5))}, "basis"),
-        ({"basis": None}, "basis"),
+        ({"basis": None, "uses": ("compliance", "reference")}, "basis"),
+        ({"uses": "compliance"}, "must be several names"),
         ({"uses": ("friction", "reference")}, "friction"),
         ({"uses": ("compliance", "reference", "reference of another")}, "both"),
         ({"counts": np.zeros(12, bool)}, "counts"),
-        ({"compliance": np.ones(2)}, "compliance"),
+        ({"compliance": np.ones(2), "uses": ("compliance", "reference")}, "compliance"),
     ],
 )
 def test_bad_input(changed, told):
