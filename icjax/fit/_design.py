@@ -157,7 +157,8 @@ def design(
     numbers for all contacts (`Common`): they do not average out, however many contacts there are.
 
     Assumed: posture, Jacobian and inertia stay those of the first touch; contacts are independent, their number alone
-    makes intervals narrower (without catch trials, independent but for the modes); the force itself is measured without
+    makes intervals narrower (without catch trials, independent but for the modes); how much repetitions vary is known
+    (`fit_session` learns it from few and counts what it does not know); the force itself is measured without
     noise, by one sensor for all probes; the plane is rigid, at rest, and touches nothing but the named point, whatever
     lies behind it; a root that yields stays at rest too; the window before contact is free of the contact before; there
     are no outliers and no dropouts. The nominal C matters: a stiffer joint deflects less, so its interval is wider. A
