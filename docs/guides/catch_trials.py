@@ -103,7 +103,8 @@ colours = {"two catch trials": "#3F8FC4", "one": "#9CD0F0", "none": "#E8A37C"}
 for i, joint in enumerate(truth):
     for place, (name, fit) in zip((0.27, 0.09, -0.09), fits.items(), strict=True):
         label = name if i == 0 else None
-        axis.plot([fit.lower[i], fit.upper[i]], [place - i] * 2, color=colours[name], lw=3, label=label)
+        ends = np.clip([fit.lower[i], fit.upper[i]], 0.04, 8.0)  # the panel's borders where there is none
+        axis.plot(ends, [place - i] * 2, color=colours[name], lw=3, label=label)
         if not fit.refused[i]:
             axis.plot(fit.compliance[i], place - i, "o", color=colours[name], ms=7)
     low = max(float(paper.lower[i]), 0.04)

@@ -128,7 +128,7 @@ print(fit_text(fit))
 # - **fit** and its interval: the interval is what counts. It holds what the data leave open and what was assumed of
 #   masses, damping, offsets and the sensor.
 # - **learned**: the share of the doubt before the session that the data removed. Far below 100 % the prior speaks.
-# - **refused**: the interval spans more than a factor of four. There is no number, only these bounds.
+# - **refused**: the interval spans more than a factor of four. There is no number, only these bounds, or one.
 # - **the paper**: two slopes divided at one instant. Its interval states the scatter of its contacts and not its bias.
 # - **chi2**: near one, noise and repetitions are as assumed; far above, the model misses something and intervals are
 #   too narrow.

@@ -35,6 +35,10 @@ from icjax.recording import Session
 JOINTS = ("wrist", "MP", "PIP", "DIP")
 TYPICAL = 0.5
 TRIES = 100
+
+NO_END = 1e9
+"""rad/Nm, and one over it: stand for the end that an interval has not."""
+
 DRAWN = ("trials", "contacts", "catch", "factor", "damping_factor", "mass_sd")
 LEVELS = (0.5, 0.68, 0.8, 0.9, 0.95, 0.99)
 
@@ -148,7 +152,10 @@ def fitted(session: Session) -> dict[str, Any]:
     except ValueError as error:
         return {"told": f"no fit: {error}"}
     joints = [
-        {"log C": [float(np.log(end)) for end in (j.lower, j.compliance, j.upper)], "refused": bool(j.refused)}
+        {
+            "log C": [float(np.log(np.clip(end, 1.0 / NO_END, NO_END))) for end in (j.lower, j.compliance, j.upper)],
+            "refused": bool(j.refused),
+        }
         for j in fit.joints
     ]
     told = f"{fit.solution.stats['steps']} steps, chi2 {fit.chi2:.2f}, {sum(j['refused'] for j in joints)} refused"
@@ -160,17 +167,21 @@ def summary(rows: list[dict[str, Any]], kind: str) -> dict[str, Any]:
     table: dict[str, Any] = {"joints": {}}
     every: list[float] = []
     for number, joint in enumerate(JOINTS):
-        z, error, sd, refused = [], [], [], 0
+        z, error, sd, refused, bounded = [], [], [], 0, 0
         for row in rows:
             item = row[kind]["joints"][number]
             if item["refused"]:
                 refused += 1
+                lower, _, upper = item["log C"]
+                bounded += bool(lower <= np.log(row["truth"][number]) <= upper)
                 continue
             error.append(item["log C"][1] - np.log(row["truth"][number]))
             sd.append(deviation(item["log C"], error[-1]))
             z.append(error[-1] / sd[-1])
         every += z
-        table["joints"][joint] = {**held(z), "refused": refused, **sizes(error, sd)}
+        table["joints"][joint] = {
+            **held(z), "refused": refused, "bounds of these that hold": bounded, **sizes(error, sd),
+        }  # fmt: skip
     table["all joints"] = held(every)
     table["levels"] = {str(level): share(every, level) for level in LEVELS}
     return table

@@ -95,7 +95,7 @@ def judged_paper(paper, truth: np.ndarray) -> dict[str, Any]:
 def judged(fit: SessionFit, name: str, truth: np.ndarray) -> dict[str, Any]:
     """Errors in percent, intervals, refusals, and degrees of the reference."""
     value, lower, upper = (np.array([getattr(j, key) for j in fit.joints]) for key in ("compliance", "lower", "upper"))
-    z = np.log(value / truth) / (np.log(upper / lower) / (2 * 1.96))
+    z = np.log(value / truth) / (np.log(upper / np.maximum(lower, 1e-12)) / (2 * 1.96))
     return {
         "compliance": value,
         "error %": 100 * (value / truth - 1),

@@ -29,8 +29,9 @@ MOST_TIMES = 1000
 
 
 class Expectation(NamedTuple):
-    """Of every joint the ratio of the ends of its expected 95 % interval, the standard deviation of log C, the share of
-    the prior variance that the data would remove, and whether `fit_session` would refuse it."""
+    """Of every joint the ratio of the ends of its expected 95 % interval, in which the joint's own prior has no part,
+    the standard deviation of log C, in which it has, the share of the prior variance that the data would remove, and
+    whether `fit_session` would refuse it."""
 
     width: Float[np.ndarray, " joint"]
     sd: Float[np.ndarray, " joint"]
@@ -79,8 +80,10 @@ class Design:
         known = laplace(data, self.prior, scale=1.0 / np.linalg.norm(self.prior, axis=0))
         at = self.parameters.slices["compliance"]
         sd = np.asarray(known.sd)[at]
-        width = np.exp(2.0 * QUANTILE * sd)
-        return Expectation(width, sd, np.asarray(known.learned)[at], ~(width <= self.options.widest))
+        learned = np.asarray(known.learned)[at]
+        with np.errstate(divide="ignore", over="ignore"):  # nothing learnt, no interval
+            width = np.exp(2.0 * QUANTILE * sd / np.sqrt(learned))
+        return Expectation(width, sd, learned, ~(width <= self.options.widest))
 
     @property
     def widths(self) -> Float[np.ndarray, "probe joint"]:

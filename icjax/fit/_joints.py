@@ -37,8 +37,9 @@ def joints_of(
 ) -> tuple[tuple[JointFit, ...], ...]:
     """Of every joint for the session as a whole, then of every joint in every period.
 
-    With several periods the session's log C is the mean over them. Ends are those of `likelihood_ends`, farther out in
-    the ratio in which `known` is wider than `plain`, which takes hyperparameters for known.
+    With several periods the session's log C is the mean over them. Ends are those of `likelihood_ends`, in which a
+    joint's own prior has no part, farther out in the ratio in which `known` is wider than `plain`, which takes
+    hyperparameters for known. They always hold the value, which the prior has a part in.
     """
     at = made.problem.parameters.slices["compliance"]
     count, numbers = len(made.dof_names), at.stop - at.start
@@ -51,15 +52,20 @@ def joints_of(
     log_C = along @ np.asarray(x)
     sd, narrow = (np.sqrt(np.einsum("kn,nm,km->k", along, np.nan_to_num(s.covariance), along)) for s in (known, plain))
     wider = np.divide(sd, narrow, out=np.ones_like(sd), where=narrow > 0)
-    lower, upper = (log_C + wider * (end - log_C) for end in likelihood_ends(made.problem, x, plain, along))
+    ends = likelihood_ends(made.problem, x, plain, along)
+    lower, upper = (
+        np.minimum(log_C + wider * (ends[0] - log_C), log_C),
+        np.maximum(log_C + wider * (ends[1] - log_C), log_C),
+    )
     prior = options.compliance_sd**2 * np.ones(len(rows))
     if periods > 1:
         prior += options.compliance_change**2 * np.where(np.arange(len(rows)) < count, 1.0 / periods, 1.0)
-    learned = np.where(np.isfinite(upper - lower), np.clip(1.0 - sd**2 / prior, 0.0, 1.0), 0.0)
+    learned = np.clip(1.0 - sd**2 / prior, 0.0, 1.0)
+    added = np.divide(1.0, sd**2, out=np.zeros_like(sd), where=sd > 0) - 1.0 / prior
     loads = _loads(made, np.asarray(_deviation(made.problem, x)))
     joints = [
         _joint(made.dof_names[row % count], *told, loads[row // count][row % count], options)
-        for row, told in enumerate(zip(log_C, lower, upper, learned, strict=True))
+        for row, told in enumerate(zip(log_C, lower, upper, learned, added, strict=True))
     ]
     table = tuple(tuple(joints[row : row + count]) for row in range(0, len(joints), count))
     return table if periods > 1 else (*table, *table)
@@ -116,22 +122,22 @@ def _loads(made: SessionProblem, deviation: np.ndarray) -> list[list[_Load]]:
 
 
 def _joint(
-    name: str, log_C: float, lower: float, upper: float, learned: float, load: _Load, options: FitOptions
+    name: str, log_C: float, lower: float, upper: float, learned: float, added: float, load: _Load, options: FitOptions
 ) -> JointFit:
     width = float(np.exp(upper - lower))
-    refused = "" if width <= options.widest else _refusal(width, (upper - lower) / (2.0 * QUANTILE), load, options)
+    refused = "" if width <= options.widest else _refusal(width, added, load, options)
     value, lower, upper = (float(np.exp(end)) for end in (log_C, lower, upper))
     return JointFit(name, value, lower, upper, width, float(learned), refused)
 
 
-def _refusal(width: float, sd: float, load: _Load, options: FitOptions) -> str:
+def _refusal(width: float, added: float, load: _Load, options: FitOptions) -> str:
     """How wide the interval is, what excitation there was, and what would give a number.
 
-    Information about log C grows with the number of contacts: it is what the data added to the prior's, divided by
-    their number.
+    Information about log C grows with the number of contacts: what they `added` to the prior's.
     """
+    spans = f"spans a factor of {width:.3g}" if width < np.inf else "has an end missing"
     told = (
-        f"its interval spans a factor of {width:.3g} (at most {options.widest:g}); contacts loaded it with "
+        f"its interval {spans} (a factor of {options.widest:g} at most); contacts loaded it with "
         f"{1e3 * load.torque:.3g} mNm and moved it by {np.degrees(load.moved):.2g} degrees, where it would be without "
         f"them is known to {np.degrees(load.doubt):.2g} degrees (medians); missing: "
     )
@@ -139,8 +145,7 @@ def _refusal(width: float, sd: float, load: _Load, options: FitOptions) -> str:
         return told + "catch trials, the same movement with the surface taken away"
     if load.part:
         return told + "more such contacts there, or such as load it more"
-    wanted = (2.0 * QUANTILE / np.log(options.widest)) ** 2 - options.compliance_sd**-2
-    added = sd**-2 - options.compliance_sd**-2 if np.isfinite(sd) else 0.0
+    wanted = (2.0 * QUANTILE / np.log(options.widest)) ** 2
     if wanted < MOST_TIMES * added:
         count = int(np.ceil(load.contacts * wanted / added))
         return told + f"about {count} such contacts in all, or such as load it more"

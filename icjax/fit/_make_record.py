@@ -3,22 +3,26 @@
 import dataclasses
 import json
 
+import equinox as eqx
 import numpy as np
 
 from icjax import __version__
 from icjax.estimation import estimates
 from icjax.fit._drift import drift
 from icjax.fit._parameters import Parameter
-from icjax.fit._problem import intervals
-from icjax.fit._profile import profile
+from icjax.fit._problem import Problem, intervals
+from icjax.fit._profile import Profile, profile
 from icjax.fit._record import FitPeriods, FitRecord, FittedParameters, FitWindows
 from icjax.fit._reference import contact_free
 from icjax.fit._result import SessionFit
-from icjax.fit._solve import linearised
+from icjax.fit._solve import linearised, solve
 from icjax.inference import QUANTILE, Identity, Log
 from icjax.interaction import JointCompliance
 from icjax.recording import Session
 from icjax.results import RESULTS
+
+NO_PRIOR = 10.0
+"""Standard deviation of log C that says next to nothing."""
 
 
 def fit_record(
@@ -87,11 +91,21 @@ def _profiles(fit: SessionFit) -> np.ndarray:
         )
     problem, x = fit.made.problem, np.asarray(fit.solution.value.x)
     place = problem.parameters.slices["compliance"]
-    found = [profile(problem, x, index) for index in range(place.start, place.stop)]
+    found = [_alone(problem, x, index) for index in range(place.start, place.stop)]
     _, data, prior = linearised(problem, fit.solution.value.x)
     wider = np.asarray(fit.laplace.sd / intervals(np.asarray(data), np.asarray(prior)).sd)[place]
     ends = np.array([[item.lower for item in found], [item.upper for item in found]])
     return np.exp(x[place] + wider * (ends - x[place]))
+
+
+def _alone(problem: Problem, x: np.ndarray, index: int) -> Profile:
+    """Profile of one number without its own prior."""
+    of = problem.parameters.of
+    which = next(at for at, item in enumerate(of) if item.name == "compliance")
+    sd = np.full(of[which].size, np.asarray(of[which].prior_sd, float))
+    sd[index - problem.parameters.slices["compliance"].start] = NO_PRIOR
+    free = eqx.tree_at(lambda p: p.parameters.of[which].prior_sd, problem, sd)
+    return profile(free, np.asarray(solve(free, x).value.x), index)
 
 
 def _kinds(fit: SessionFit) -> tuple[str, ...]:

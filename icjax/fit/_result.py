@@ -60,7 +60,8 @@ def fit_session(
 
     The problem of `session_problem` is solved by Levenberg-Marquardt. `laplace` is from the exact Jacobian, priors
     included; what is not known of the repetitions' variability counts (`with_doubt`). The interval of a joint ends
-    where the cost has risen by 1.96^2 / 2 (`likelihood_ends`). A joint is refused where the ends differ by more than
+    where the cost has risen by 1.96^2 / 2, what was assumed of that joint's compliance left out (`likelihood_ends`): it
+    has no end where the data show none. A joint is refused where the ends differ by more than
     `options.widest`, whatever its value: the contacts did not load it enough. No truth and no result enters that rule.
     Without catch trials intervals include what was planned after contact (`session_problem`).
 

@@ -82,9 +82,9 @@ def _by_period(record: FitRecord) -> list[str]:
 
 
 def _interval(lower: float, upper: float) -> str:
-    """A 95 % interval as text, an upper bound where it begins at zero."""
+    """A 95 % interval as text, a bound where it has one end only."""
     if not upper < float("inf"):
-        return "unbounded"
+        return f"> {lower:.3g}" if lower > 0 else "unbounded"
     return f"[{lower:.3g}, {upper:.3g}]" if lower > 0 else f"< {upper:.3g}"
 
 

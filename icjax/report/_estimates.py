@@ -160,7 +160,9 @@ def value_text(value: float) -> str:
 
 
 def interval_text(low: float, high: float) -> str:
-    """Its interval as text, a bound where it begins at zero."""
+    """Its interval as text, a bound where it has one end only."""
     if low > 0 and np.isfinite(high):
         return f"{low:#.3g} to {high:#.3g}"
+    if low > 0:
+        return f"above {low:#.3g}"
     return f"below {high:#.3g}" if np.isfinite(high) else "unbounded"

@@ -38,8 +38,7 @@ DECADES = 1e3
 def plot_fit_compliance(fit: FitRecord, truth: Mapping[str, float] | None = None) -> "Figure":
     """Fitted compliance of every joint with its 95 % interval, the paper's estimate below it.
 
-    A refused joint has a bar without a mark; an interval of the paper's estimator that begins at zero ends in an
-    arrowhead at the panel's border.
+    A refused joint has a bar without a mark; an interval that has no end ends in an arrowhead at the panel's border.
 
     **Arguments**: `truth` rad/Nm by joint, drawn as a line where it is known (a virtual subject).
     """
@@ -50,22 +49,22 @@ def plot_fit_compliance(fit: FitRecord, truth: Mapping[str, float] | None = None
     axis = figure.subplots()
     axis.set_xscale("log")
     places = -np.arange(len(joints), dtype=float)
+    shown = np.concatenate([fit.lower, fit.upper, paper.compliance, np.where(paper.lower > 0, paper.lower, np.nan)])
+    shown = shown[np.isfinite(shown) & (shown > 0)]
+    border = float(max(shown.min(), shown.max() / DECADES)) / 1.5, 1.5 * float(shown.max())
     for row, joint in zip(places, joints, strict=True):
         at = joints.index(joint)
         colour = QUIET if fit.refused[at] else MEASURED
-        axis.plot([fit.lower[at], fit.upper[at]], [row + 0.14] * 2, color=colour, lw=3.0)
+        _bar(axis, float(fit.lower[at]), float(fit.upper[at]), row + 0.14, border, color=colour, lw=3.0)
         if not fit.refused[at]:
             axis.plot(fit.compliance[at], row + 0.14, "o", color=colour, ms=6)
         known = (truth or {}).get(joint)
         if known is not None:
             axis.plot([known] * 2, [row - 0.32, row + 0.32], color=INK, lw=1.2)
-    shown = np.concatenate([fit.lower, fit.upper, paper.compliance, np.where(paper.lower > 0, paper.lower, np.nan)])
-    shown = shown[np.isfinite(shown) & (shown > 0)]
-    least = float(max(shown.min(), shown.max() / DECADES)) / 1.5
     for row, joint in zip(places, joints, strict=True):
         if joint in paper.joint_names:
-            _paper(axis, paper, paper.joint_names.index(joint), row - 0.14, least)
-    axis.set_xlim(left=least)
+            _paper(axis, paper, paper.joint_names.index(joint), row - 0.14, border)
+    axis.set_xlim(border)
     axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.xaxis.set_major_formatter("{x:g}")
     axis.xaxis.set_minor_formatter(NullFormatter())
@@ -87,13 +86,18 @@ def plot_fit_compliance(fit: FitRecord, truth: Mapping[str, float] | None = None
     return figure
 
 
-def _paper(axis: Any, paper: Any, row: int, place: float, least: float) -> None:
-    low, high = float(paper.lower[row]), float(paper.upper[row])
-    if np.isfinite(high):
-        axis.plot([max(low, least), high], [place] * 2, color=REFERENCE, lw=2.0)
-        if low < least:
-            axis.plot(least, place, marker=4, color=REFERENCE, ms=7, clip_on=False)
-    if np.isfinite(paper.compliance[row]) and paper.compliance[row] > least:
+def _bar(axis: Any, low: float, high: float, place: float, border: tuple[float, float], **look: Any) -> None:
+    """An interval; what goes beyond a border ends there in an arrowhead."""
+    axis.plot([max(low, border[0]), min(high, border[1])], [place] * 2, **look)
+    for out, at, marker in ((low < border[0], border[0], 4), (high > border[1], border[1], 5)):
+        if out:
+            axis.plot(at, place, marker=marker, color=look["color"], ms=7, clip_on=False)
+
+
+def _paper(axis: Any, paper: Any, row: int, place: float, border: tuple[float, float]) -> None:
+    if np.isfinite(paper.upper[row]):
+        _bar(axis, float(paper.lower[row]), float(paper.upper[row]), place, border, color=REFERENCE, lw=2.0)
+    if np.isfinite(paper.compliance[row]) and paper.compliance[row] > border[0]:
         axis.plot(float(paper.compliance[row]), place, "s", color=REFERENCE, ms=5)
 
 

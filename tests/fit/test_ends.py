@@ -32,21 +32,32 @@ def solved(seen, prior_sd=1.5):
 
 @pytest.mark.parametrize("seen", [0.02, 0.15, 3.0])
 def test_ends_are_those_of_the_profile(seen):
-    """To a hundredth of a standard deviation; of a sum of numbers too."""
+    """Of the problem without a prior of the number, to a hundredth of a standard deviation; b has none."""
     problem, x, known = solved(seen)
     lower, upper = likelihood_ends(problem, x, known, np.array([[1.0, 0.0], [0.0, 1.0]]))
-    for index in range(2):
-        found = profile(problem, x, index)
-        assert abs(found.lower - lower[index]) < 0.02 * known.sd[index]
+    free, at, _ = solved(seen, prior_sd=100.0)
+    for index, found in enumerate((profile(free, at, 0), profile(problem, x, 1))):
+        assert found.lower == lower[index] or abs(found.lower - lower[index]) < 0.02 * known.sd[index]
         assert abs(found.upper - upper[index]) < 0.02 * known.sd[index]
 
 
 def test_a_small_compliance_is_bounded_above_only():
-    """Seen by 0.4 of its deviation: the lower end is farther than Laplace's, the upper nearer."""
-    problem, x, known = solved(0.02)
-    lower, upper = likelihood_ends(problem, x, known, np.array([[1.0, 0.0]]))
-    assert x[0] - lower[0] > 1.1 * QUANTILE * known.sd[0]
-    assert upper[0] - x[0] < 0.9 * QUANTILE * known.sd[0]
+    """Seen by 0.4 of its deviation: no lower end, whatever was assumed of it, and Laplace's with its prior has one."""
+    for prior_sd in (0.8, 1.5):
+        problem, x, known = solved(0.02, prior_sd)
+        lower, upper = likelihood_ends(problem, x, known, np.array([[1.0, 0.0]]))
+        assert np.isinf(lower[0])
+        assert known.sd[0] < prior_sd
+        np.testing.assert_allclose(np.exp(upper[0]), 0.02 + 0.05 * QUANTILE, rtol=0.02)
+
+
+def test_a_narrow_prior_moves_no_end():
+    """Only the value: of what is well seen the interval is the data's."""
+    ends = []
+    for prior_sd in (0.4, 1.5):
+        problem, x, known = solved(1.0, prior_sd)
+        ends.append([end[0] for end in likelihood_ends(problem, x, known, np.array([[1.0, 0.0]]))])
+    np.testing.assert_allclose(*ends, atol=2e-3)
 
 
 def test_linear_problems_have_the_intervals_of_laplace():
