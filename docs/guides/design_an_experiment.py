@@ -60,9 +60,9 @@ print(
 # %% [markdown]
 # ## What the pilot says of the subject
 #
-# Two things go into a plan: how compliant the joints are (of a refused joint the likeliest value, prior included; nothing
-# better is known) and how far repetitions of a movement differ. Without a pilot leave both out; typical values are
-# used.
+# Two things go into a plan: how compliant the joints are (of a refused joint the likeliest value, prior included;
+# nothing better is known) and how far repetitions of a movement differ. Without a pilot leave both out; typical values
+# are used.
 
 # %%
 model = session.trials()[0].model
