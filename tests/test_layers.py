@@ -17,6 +17,7 @@ LAYERS = [
     {"sweep", "view"},
     {"report", "export"},
     {"cli"},
+    {"__main__"},
 ]
 ROW = {room: row for row, rooms in enumerate(LAYERS) for room in rooms}
 PACKAGE = Path(__file__).resolve().parents[1] / "icjax"

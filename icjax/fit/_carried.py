@@ -1,6 +1,6 @@
 """What moves the compliant joints beside the contact: the rest of the body, pushed aside by it, carries them along."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -90,16 +90,16 @@ def pushed(aside: list[np.ndarray], force: list[np.ndarray], rate: float) -> tup
     if not used.size:
         return result, doubt
     unit = [item[:, used] / scale[used] for item in force]
-    springs = [
-        _side_by_side([_followed(item, 2.0 * np.pi * hertz, ratio, rate) for hertz in FREQUENCIES for ratio in RATIOS])
-        for item in unit
-    ]
+    kinds = [_spring(2.0 * np.pi * hertz, ratio, rate) for hertz in FREQUENCIES for ratio in RATIOS]
+    springs = [_side_by_side([_followed(item, spring) for spring in kinds]) for item in unit]
     X = np.concatenate([_without_line(one.aside) for one in springs])
+    share = 2.0 * LINES / rate  # of the samples is independent
+    decomposed = np.linalg.svd(np.sqrt(share) * X, full_matrices=False)
     for joint in range(rest):
         y = np.concatenate([_without_line(item[:, joint : joint + 1]) for item in aside])[:, 0]
         if np.max(np.abs(y)) < 1e-12:
             continue
-        c, factor = _regressed(X, y, 2.0 * LINES / rate)
+        c, factor = _regressed(decomposed, y, share)
         columns = principal([window.acceleration @ factor for window in springs], MODES)
         place = slice(joint * MODES, joint * MODES + columns.shape[1])
         for mean, left, window in zip(result, doubt, springs, strict=True):
@@ -115,10 +115,26 @@ def principal(effects: list[np.ndarray], count: int) -> Float[np.ndarray, "colum
     return vectors[:, ::-1][:, :count]
 
 
-def _followed(force: np.ndarray, w: float, z: float, rate: float) -> Pushed:
-    """Springs of unit compliance, by the bilinear rule."""
+class _Spring(NamedTuple):
+    """Of unit compliance: w rad/s, damping ratio z, filters from force to displacement and velocity."""
+
+    w: float
+    z: float
+    displacement: tuple[Any, Any]
+    velocity: tuple[Any, Any]
+
+
+def _spring(w: float, z: float, rate: float) -> _Spring:
+    """By the bilinear rule."""
     den = np.array([1.0, 2.0 * z * w, w**2])
-    d, v = (np.asarray(lfilter(*bilinear(np.array(num), den, rate), force, axis=0)) for num in ([w**2], [w**2, 0.0]))
+    displacement, velocity = (bilinear(np.array(num), den, rate) for num in ([w**2], [w**2, 0.0]))
+    return _Spring(w, z, displacement, velocity)
+
+
+def _followed(force: np.ndarray, spring: _Spring) -> Pushed:
+    """A spring as each component of the force moves it."""
+    w, z = spring.w, spring.z
+    d, v = (np.asarray(lfilter(*filters, force, axis=0)) for filters in (spring.displacement, spring.velocity))
     return Pushed(d, v, w**2 * (force - d) - 2.0 * z * w * v)
 
 
@@ -133,14 +149,14 @@ def _without_line(values: np.ndarray) -> np.ndarray:
     return values - Q @ (Q.T @ values)
 
 
-def _regressed(X: np.ndarray, y: np.ndarray, share: float) -> tuple[np.ndarray, np.ndarray]:
+def _regressed(decomposed: Any, y: np.ndarray, share: float) -> tuple[np.ndarray, np.ndarray]:
     """Mean of c and a factor of its covariance; only a `share` of the samples is independent.
 
-    With X = U S V^T, noise of variance s2 in independent samples, a prior of width p and r = s2 / p^2 the posterior of
-    V^T c has the mean S U^T y / (S^2 + r) and the variance s2 / (S^2 + r), S and y those of the share; evidence weighs
-    the widths, and what their means differ by counts as doubt.
+    With sqrt(share) X = U S V^T, `decomposed`, noise of variance s2 in independent samples, a prior of width p and
+    r = s2 / p^2 the posterior of V^T c has the mean S U^T y / (S^2 + r) and the variance s2 / (S^2 + r), y that of the
+    share; evidence weighs the widths, and what their means differ by counts as doubt.
     """
-    U, s, Vt = np.linalg.svd(np.sqrt(share) * X, full_matrices=False)
+    U, s, Vt = decomposed
     along, count, total = np.sqrt(share) * (U.T @ y), share * len(y), share * float(y @ y)
     prior = WIDTHS**2 * total / float(np.sum(s**2))
     kept, left = np.zeros((len(WIDTHS), len(s))), np.full(len(WIDTHS), total)

@@ -41,9 +41,10 @@ def planned():
 
 
 def test_widths_follow_the_standard_deviation(planned):
-    """Width = exp(2 * 1.96 sd); refused above `widest`, the rule of `fit_session`."""
+    """Width = exp(2 * 1.96 s), 1 / s^2 what the data add to the prior's information; refused above `widest`."""
     known = planned.expected([0])
-    np.testing.assert_allclose(known.width, np.exp(2 * QUANTILE * known.sd))
+    added = 1.0 / known.sd**2 - 1.0 / FitOptions().compliance_sd ** 2
+    np.testing.assert_allclose(known.width, np.exp(2 * QUANTILE / np.sqrt(added)), rtol=1e-9)
     np.testing.assert_array_equal(known.refused, known.width > FitOptions().widest)
     np.testing.assert_array_equal(planned.refused[0], known.refused)
     assert np.all((known.learned > 0) & (known.learned <= 1))
