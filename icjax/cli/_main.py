@@ -92,7 +92,8 @@ def configure_jax() -> None:
     """float64, one thread, kept compilations, few collections: the command line's choices, never the library's."""
     # XLA passes the many small operations of a step from thread to thread, which costs more than it saves: a third of
     # the time of a rollout. Read when JAX starts.
-    os.environ.setdefault("NPROC", "1")
+    for name in ("NPROC", "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):  # matrices are small
+        os.environ.setdefault(name, "1")
     # A third of the compile time for programs that run for a second or two; read when JAX starts.
     if "xla_backend_optimization_level" not in os.environ.get("XLA_FLAGS", ""):
         os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} --xla_backend_optimization_level=1".strip()

@@ -14,17 +14,20 @@ from icjax.fit._inertia import segment_groups
 from icjax.fit._options import FitOptions
 from icjax.fit._parameters import Parameter, Parameters
 from icjax.fit._problem import Problem
-from icjax.fit._repetitions import aligned
+from icjax.fit._repetitions import LONGEST_SHIFT, aligned
 from icjax.fit._windows import Motion, contact_frames, motion_of, without_contact
 from icjax.inference import Identity, Log
 from icjax.model import Model
-from icjax.recording import Session
+from icjax.recording import Recording, Session
 
 LEAST_EVENTS = 3
 """Contacts below which nothing is fitted: four joints and their dampers cannot be told apart by fewer."""
 
 LEAST_AFTER = 0.03
 """s; a contact that is released sooner tells nothing."""
+
+COPIED = 1e-7
+"""rad; recordings that agree so are copies."""
 
 LEAST_FRAMES = 4
 """Of a catch trial, through which its angles are interpolated."""
@@ -63,8 +66,8 @@ def session_problem(session: Session, options: FitOptions | None = None) -> Sess
     free movement before it, gaps, catch trials that end before it) is left out.
 
     **Errors**: `ValueError` for a session without trials, contact forces, poses or masses, with trials of different
-    models, contacts or rates, with a catch trial that is a copy, with fewer than `LEAST_EVENTS` usable contacts, a
-    torque that never varies, or neither catch trials nor free movement to learn from.
+    models, contacts or rates, with a trial or a catch trial that is a copy, with fewer than `LEAST_EVENTS` usable
+    contacts, a torque that never varies, or neither catch trials nor free movement to learn from.
     """
     options = options or FitOptions()
     trials = session.trials()
@@ -85,7 +88,7 @@ def session_problem(session: Session, options: FitOptions | None = None) -> Sess
         for event in range(len(motion.recording.events.onset))
     ]
     windows = [item for item in found if isinstance(item, Window)]
-    left_out = _left_out(found, repetitions)
+    left_out = _left_out(found, repetitions) + _shared(session)
     if len(windows) < LEAST_EVENTS:
         raise ValueError(
             f"session {session.name!r}: {len(windows)} contacts that can be compared, a fit needs {LEAST_EVENTS}; "
@@ -134,10 +137,13 @@ def _check(session: Session, trials) -> None:
                 f"{', '.join(first.contact_names)}"
             )
         for one, other in itertools.combinations((trial, *session.catch_trials(trial.name)), 2):
-            if np.array_equal(one.q, other.q, equal_nan=True):
+            if _same(one, other):
                 raise ValueError(
                     f"catch {other.name!r} holds the same angles as {one.role} {one.name!r}: a copy is no repetition"
                 )
+    for one, other in itertools.combinations(trials, 2):
+        if one.name == other.name or _same(one, other):
+            raise ValueError(f"trials {one.name!r} and {other.name!r} have one name or hold the same angles: a copy")
 
 
 def _window(motion: Motion, event: int, catches: list[Motion], options: FitOptions) -> Window | str:
@@ -167,11 +173,13 @@ def _window(motion: Motion, event: int, catches: list[Motion], options: FitOptio
             np.sqrt(np.diagonal(motion.noise)) + np.radians(0.05),
             options.shift_sd,
         )
-        if np.isfinite(repetition.angle).all():
+        timely = abs(repetition.shift) < LONGEST_SHIFT * options.shift_sd - 1e-3
+        if timely and np.isfinite(repetition.angle).all():
             found.append(repetition)
             shifted.append((catch, repetition.shift))
     if catches and not found:
-        return "have no catch trial that lasts as long, without gap or touch"
+        within = LONGEST_SHIFT * options.shift_sd
+        return f"have no catch trial that lasts as long, without gap or touch, and begins within {within:.2g} s of it"
     aside = moved_aside(motion, shifted, np.arange(first, last + 1))
     return Window(motion.recording.name, event, first, onset, last, samples, tuple(found), aside)
 
@@ -184,8 +192,31 @@ def _left_out(found: list[Window | str], repetitions: dict[str, list[Motion]]) -
     windows = [item for item in found if isinstance(item, Window)]
     short = sum(len(item.repetitions) < len(repetitions[item.trial]) for item in windows)
     if short:
-        lines.append(f"{short} contacts are without one of their catch trials, which ends before, has a gap or touches")
+        lines.append(
+            f"{short} contacts are without one of their catch trials, which ends before, has a gap or touches, or "
+            f"begins more than {LONGEST_SHIFT:g} times shift_sd earlier or later"
+        )
     return tuple(lines)
+
+
+def _same(one: Recording, other: Recording) -> bool:
+    """Whether two hold the same angles as far as both go: no two measurements agree so."""
+    count = min(len(one.time), len(other.time))
+    first, second = np.asarray(one.q)[:count], np.asarray(other.q)[:count]
+    return bool(np.allclose(first, second, rtol=0.0, atol=COPIED, equal_nan=True))
+
+
+def _shared(session: Session) -> tuple[str, ...]:
+    """A line where trials have the same catch trials."""
+    catches = [item for item in session.recordings if item.role == "catch"]
+    pairs = [(a.name, b.name) for a, b in itertools.combinations(catches, 2) if _same(a, b)]
+    if not pairs:
+        return ()
+    names = ", ".join(f"{a!r} and {b!r}" for a, b in pairs[:3])
+    return (
+        f"catch trials of different trials hold the same movement ({names}{', ...' if len(pairs) > 3 else ''}): they "
+        "count as independent, which they are not, so that intervals are too narrow",
+    )
 
 
 def _periods(

@@ -62,9 +62,37 @@ def test_catch_trial_that_touches_is_not_used(small):
     made = session_problem(changed(small, 2, touching=touching))
     assert [len(window.repetitions) for window in made.windows] == [1, 1, 1]
     assert made.left_out == (
-        "3 contacts are without one of their catch trials, which ends before, has a gap or touches",
+        "3 contacts are without one of their catch trials, which ends before, has a gap or touches, or begins more "
+        "than 4 times shift_sd earlier or later",
     )
     assert made.left_out[0] in _warnings(made, solved(made))
+
+
+def test_catch_trial_far_off_in_time_is_not_used(small):
+    """A tenth of a second later the shift that is looked for does not reach it; a wider `shift_sd` does."""
+    late = changed(small, 2, time=np.asarray(small.recordings[2].time) + 0.1)
+    made = session_problem(late)
+    assert [len(window.repetitions) for window in made.windows] == [1, 1, 1]
+    assert "earlier or later" in made.left_out[0]
+    made = session_problem(late, FitOptions(shift_sd=0.06))
+    assert [len(window.repetitions) for window in made.windows] == [2, 2, 2]
+    np.testing.assert_allclose([w.repetitions[1].shift for w in made.windows], 0.1, atol=0.05)
+
+
+def test_copies_are_told_or_refused(small):
+    """A catch trial given to two trials is no new one; nor is one with a rounded number; a trial twice is refused."""
+    trial, catch, other = small.recordings[:3]
+    again = dataclasses.replace(trial, name="again", q=np.asarray(trial.q) + 1e-3)
+    lent = dataclasses.replace(catch, name="lent", catch_of="again")
+    both = dataclasses.replace(small, recordings=(trial, catch, other, again, lent))
+    (line,) = session_problem(both).left_out
+    assert line.startswith("catch trials of different trials hold the same movement ('catch00' and 'lent')")
+    with pytest.raises(ValueError, match="'trial00' and 'again' have one name or hold the same angles"):
+        session_problem(
+            dataclasses.replace(both, recordings=(*both.recordings[:3], dataclasses.replace(again, q=trial.q)))
+        )
+    with pytest.raises(ValueError, match="'catch00_2' holds the same angles as catch 'catch00'"):
+        session_problem(changed(small, 2, q=np.asarray(catch.q) + 1e-9))
 
 
 def test_force_that_measures_no_friction_is_told(small):
