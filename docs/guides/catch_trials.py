@@ -120,8 +120,8 @@ _ = figure.legend(loc="outside upper center", ncols=5, frameon=False)
 # Bars are 95 % intervals; a bar without a dot is a refused joint. What this session shows:
 #
 # - The first catch trial does nearly all of the work. The second narrows every interval a little, which here is just
-#   what PIP and DIP need to get numbers.
-# - Without any, wrist and MP keep numbers, but wide ones: the wrist within a factor of 3.6, which one catch trial tells
+#   what DIP needs to get a number; PIP misses one by a hair.
+# - Without any, wrist and MP keep numbers, but wide ones: the wrist within a factor of 3.7, which one catch trial tells
 #   within a third. PIP and DIP get bounds.
 # - PIP and DIP keep wide intervals however many there are. These contacts hardly load them; other contacts would help
 #   ([](design_an_experiment.py)).

@@ -147,6 +147,6 @@ def _refusal(width: float, added: float, load: _Load, options: FitOptions) -> st
         return told + "more such contacts there, or such as load it more"
     wanted = (2.0 * QUANTILE / np.log(options.widest)) ** 2
     if wanted < MOST_TIMES * added:
-        count = int(np.ceil(load.contacts * wanted / added))
+        count = max(load.contacts + 1, int(np.ceil(load.contacts * wanted / added)))  # an end may be far by itself
         return told + f"about {count} such contacts in all, or such as load it more"
     return told + "contacts whose force passes farther from its axis, or another posture"
