@@ -86,8 +86,14 @@ class Fit:
                     keep_checkpoint=True,
                 )
             with steps.step("reference trajectory with its band"):
-                record = fit_record(fit, session, paper, profiles=self.profile)
+                record = fit_record(fit, session, paper)
                 record.save(path)
+            if self.profile:
+                try:
+                    record = fit_record(fit, session, paper, profiles=True)
+                    record.save(path)
+                except ValueError as error:  # the fit itself is kept
+                    print(f"icjax: no intervals by profile likelihood: {error}", file=sys.stderr)
         except KeyboardInterrupt:
             if checkpoint.is_file():
                 print("icjax: the steps taken are kept; --resume goes on from there", file=sys.stderr)
