@@ -41,7 +41,7 @@ def changed(
     found = {}
     for joint, name in enumerate(made.dof_names):
         own = columns[:, joint : joint + 1] * (of[:, None] == np.arange(len(trials) - 1))
-        own = own if common is None else np.asarray(common.again(own))
+        own = own if common is None else np.asarray(common.whitened(own))
         own = np.concatenate([own, np.zeros((len(prior), own.shape[1]))])
         U, size, _ = np.linalg.svd(own - Q @ (Q.T @ own), full_matrices=False)
         used = size > FELT

@@ -30,15 +30,10 @@ class Common(eqx.Module):
         U, s, _ = np.linalg.svd(A, full_matrices=False)
         return Common(U, 1.0 - 1.0 / np.sqrt(1.0 + s**2))
 
-    def whitened(self, rows: Float[Real, " row"]) -> Float[Real, " row"]:
-        """(I - U D U^T) r."""
+    def whitened(self, rows: Float[Real, "row *column"]) -> Float[Real, "row *column"]:
+        """(I - U D U^T) r, of one r or of columns."""
         U = jnp.asarray(self.basis)
-        return rows - U @ (jnp.asarray(self.share) * (U.T @ rows))
-
-    def again(self, rows: Float[np.ndarray, "row *column"]) -> Float[np.ndarray, "row *column"]:
-        """Whitened rows of r, or of columns of it."""
-        U = np.asarray(self.basis)
-        return rows - (U * np.asarray(self.share)) @ (U.T @ rows)
+        return rows - (U * jnp.asarray(self.share)[None]) @ (U.T @ rows)
 
     def plain(self, rows: Float[np.ndarray, "row *column"]) -> Float[np.ndarray, "row *column"]:
         """r of whitened rows."""

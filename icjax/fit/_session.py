@@ -173,7 +173,7 @@ def _window(motion: Motion, event: int, catches: list[Motion], options: FitOptio
             np.sqrt(np.diagonal(motion.noise)) + np.radians(0.05),
             options.shift_sd,
         )
-        timely = abs(repetition.shift) < LONGEST_SHIFT * options.shift_sd - 1e-3
+        timely = abs(repetition.shift) < 0.98 * LONGEST_SHIFT * options.shift_sd  # else the best may lie beyond
         if timely and np.isfinite(repetition.angle).all():
             found.append(repetition)
             shifted.append((catch, repetition.shift))

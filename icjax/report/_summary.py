@@ -152,8 +152,8 @@ def cautions(interactions: Interactions, rollouts: Rollouts, simulated: bool | N
             )
     if fits:
         points.append(
-            "The intervals of the fit hold if its model does: constant compliance, trials that vary as catch trials or "
-            "free movement do. A refused joint has bounds and no number."
+            "The intervals of the fit hold if its model does: compliance constant wherever the fit takes it for one, "
+            "trials that vary as catch trials or free movement do. A refused joint has bounds and no number."
         )
     if rollouts:
         points.append(

@@ -51,7 +51,8 @@ def plot_fit_compliance(fit: FitRecord, truth: Mapping[str, float] | None = None
     places = -np.arange(len(joints), dtype=float)
     shown = np.concatenate([fit.lower, fit.upper, paper.compliance, np.where(paper.lower > 0, paper.lower, np.nan)])
     shown = shown[np.isfinite(shown) & (shown > 0)]
-    border = float(max(shown.min(), shown.max() / DECADES)) / 1.5, 1.5 * float(shown.max())
+    most = max([float(shown.max()), *np.asarray(paper.upper)[np.isfinite(paper.upper)].tolist()])
+    border = float(max(shown.min(), shown.max() / DECADES)) / 1.5, 1.2 * most
     for row, joint in zip(places, joints, strict=True):
         at = joints.index(joint)
         colour = QUIET if fit.refused[at] else MEASURED
