@@ -44,7 +44,7 @@ class Recording(eqx.Module):
 
     name: str = static()
     role: str = static()  # one of ROLES
-    catch_of: str | None = static()
+    catch_of: str | tuple[str, ...] | None = static()  # trials whose movement this catch trial repeats
     model: Model
     time: Float[Real, " time"] = labelled("time", unit="s", doc="marker clock")
     q: Float[Real, "time coordinate"] = labelled("time", "coordinate", unit="rad or m")
@@ -87,6 +87,15 @@ class Recording(eqx.Module):
         for field in ("name", "role", "provenance"):
             if not isinstance(getattr(self, field), str):
                 raise ValueError(f"recording: {field} is {getattr(self, field)!r}, not text")
+        if not all(isinstance(item, str) for item in self.repeats):
+            raise ValueError(f"recording {self.name!r}: catch_of is {self.catch_of!r}, not names of trials")
+
+    @property
+    def repeats(self) -> tuple[str, ...]:
+        """Names of the trials whose movement this one is without the surface; none but of a catch trial."""
+        if self.catch_of is None:
+            return ()
+        return (self.catch_of,) if isinstance(self.catch_of, str) else tuple(self.catch_of)
 
     @property
     def normal_only(self) -> tuple[str, ...]:
@@ -122,7 +131,7 @@ class Session(eqx.Module):
 
     def catch_trials(self, of: str) -> tuple[Recording, ...]:
         """The repetitions of a trial's movement with the surface taken away."""
-        return tuple(item for item in self.recordings if item.role == "catch" and item.catch_of == of)
+        return tuple(item for item in self.recordings if item.role == "catch" and of in item.repeats)
 
     def save(self, path: str | os.PathLike) -> None:
         """Write one netCDF file with a group a recording, complete or not at all."""

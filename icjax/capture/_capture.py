@@ -113,7 +113,7 @@ def capture_trial(
     return Recording(
         name=trial.name,
         role=trial.role,
-        catch_of=trial.catch_of,
+        catch_of=(trial.catch_of[0] if len(trial.catch_of) == 1 else trial.catch_of) or None,
         model=spec.model,
         time=time,
         q=angles.q,

@@ -69,10 +69,11 @@ def _summary(recording: Recording) -> str:
 def _form(recording: Recording, names: list[str]) -> Iterator[Finding]:
     if recording.role not in ROLES:
         yield ERROR, f"its role '{recording.role}' is none of {', '.join(ROLES)}"
-    if (recording.role == "catch") != (recording.catch_of is not None):
+    if (recording.role == "catch") != bool(recording.repeats):
         yield ERROR, "catch_of must be stated exactly when the role is 'catch'"
-    elif recording.catch_of is not None and recording.catch_of not in names and len(names) > 1:
-        yield ERROR, f"catch_of names '{recording.catch_of}', which the file does not hold"
+    for repeated in recording.repeats if len(names) > 1 else ():
+        if repeated not in names:
+            yield ERROR, f"catch_of names '{repeated}', which the file does not hold"
     time = np.asarray(recording.time)
     wrong = np.flatnonzero(~(np.diff(time) > 0))
     if len(time) < 2:

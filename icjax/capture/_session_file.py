@@ -55,13 +55,12 @@ def read_session(path: str | os.PathLike) -> SessionSpec:
         if not (angles if trial.angles else markers):
             needed = "angles" if trial.angles else "markers"
             raise FileError(path, f"[[trial]] '{trial.name}': its movement needs the table [{needed}]")
-        if trial.catch_of is None:
-            continue
         where = f"[[trial]] '{trial.name}': catch_of names"
-        if trial.catch_of not in roles:
-            raise FileError(path, f"{where} the unknown trial '{trial.catch_of}'")
-        if roles[trial.catch_of] != "trial":
-            raise FileError(path, f"{where} '{trial.catch_of}', whose role is '{roles[trial.catch_of]}', not 'trial'")
+        for repeated in trial.catch_of:
+            if repeated not in roles:
+                raise FileError(path, f"{where} the unknown trial '{repeated}'")
+            if roles[repeated] != "trial":
+                raise FileError(path, f"{where} '{repeated}', whose role is '{roles[repeated]}', not 'trial'")
     calibration = read_calibration(top.table("calibration", None), [trial.name for trial in trials])
     spec = SessionSpec(
         path=path,
@@ -223,8 +222,8 @@ def _columns(table: Table | None) -> dict[str, Any]:
 def _trial(table: Table, folder: Path, model: Model, sources: tuple[SourceSpec, ...]) -> TrialSpec:
     name = table.label("name")
     role = table.choice("role", ROLES, "trial")
-    catch_of = table.text("catch_of", None)
-    if (role == "catch") != (catch_of is not None):
+    catch_of = table.take("catch_of", _repeated, "the name of a trial, or a list of them", ())
+    if (role == "catch") != bool(catch_of):
         raise table.error("needs the key 'catch_of' exactly when its role is 'catch'")
     movement, degrees = movement_key(table)
     forces = table.text("forces", None)
@@ -256,6 +255,13 @@ def _trial(table: Table, folder: Path, model: Model, sources: tuple[SourceSpec, 
     )
     table.close()
     return spec
+
+
+def _repeated(value: Any) -> tuple[str, ...]:
+    found = [value] if isinstance(value, str) else value
+    if not isinstance(found, list) or not found or not all(isinstance(item, str) and item for item in found):
+        raise ValueError
+    return tuple(dict.fromkeys(found))
 
 
 def _touched(table: Table) -> tuple[tuple[str, str], ...]:

@@ -150,7 +150,7 @@ class TrialSpec:
 
     name: str
     role: str
-    catch_of: str | None
+    catch_of: tuple[str, ...]
     markers: Path
     forces: Path | None
     touches: tuple[tuple[str, str], ...]

@@ -69,11 +69,11 @@ def main(arguments: list[str] | None = None) -> int:
     if arguments == ["--version"]:
         print(f"icjax {__version__}")
         return 0
-    verb = tyro.extras.subcommand_cli_from_dict(
-        VERBS, prog="icjax", description=DESCRIPTION, args=arguments or ["--help"]
-    )
     warnings.showwarning = _note
     try:
+        verb = tyro.extras.subcommand_cli_from_dict(
+            VERBS, prog="icjax", description=DESCRIPTION, args=arguments or ["--help"]
+        )
         if not isinstance(verb, Demo):  # which starts a second process before the seconds that importing JAX takes
             configure_jax()
         verb.run()

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from icjax.files._errors import FileError
-from icjax.files._records import FORMAT, KINDS, VERSION, nested_record
+from icjax.files._records import DAMAGED, FORMAT, KINDS, VERSION, nested_record
 
 
 class LayoutEntry(NamedTuple):
@@ -50,7 +50,7 @@ def layout_problems(path: str | os.PathLike, record: type) -> list[str]:
         with h5netcdf.File(path, "r") as file:
             problems = _attributes(file, record)
             _compare(file, record, "", problems)
-    except (OSError, KeyError, RuntimeError) as error:
+    except DAMAGED as error:
         raise FileError(path, f"is no readable netCDF4 file: {error}") from error
     return problems
 

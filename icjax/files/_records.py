@@ -31,6 +31,9 @@ Record = TypeVar("Record", bound=eqx.Module)
 FORMAT = "icjax-record"
 VERSION = 1
 
+DAMAGED = (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError, IndexError, OverflowError)
+"""What readers of HDF5 raise at the bytes of a broken file."""
+
 KINDS = ("float64", "float32", "int64", "int32", "int16", "int8", "bool")
 """Types of numbers that a variable's attribute `kind` may name; booleans are stored as int8."""
 
@@ -109,7 +112,7 @@ def load_record(path: str | os.PathLike, kind: type[Record]) -> Record:
             if found != kind.__name__:
                 raise FileError(path, f"holds the record {found}, not {kind.__name__}")
             return _read(file, kind, path)
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
+    except DAMAGED as error:
         if isinstance(error, FileError):
             raise
         raise FileError(path, f"is damaged or incomplete: {error}") from error
@@ -127,7 +130,9 @@ def record_kind(path: str | os.PathLike) -> str:
             if file.attrs.get("format") != FORMAT:
                 raise FileError(path, "is not an icjax record (no attribute format = 'icjax-record')")
             return str(file.attrs["record"])
-    except (OSError, KeyError) as error:
+    except DAMAGED as error:
+        if isinstance(error, FileError):
+            raise
         raise FileError(path, f"is no icjax record: {error}") from error
 
 

@@ -4,7 +4,6 @@ from icjax.fit._candidates import finger_candidates as finger_candidates
 from icjax.fit._candidates import finger_normal as finger_normal
 from icjax.fit._candidates import finger_posture as finger_posture
 from icjax.fit._check_fit import check_fit as check_fit
-from icjax.fit._check_fit import far_from_prior as far_from_prior
 from icjax.fit._design import Design as Design
 from icjax.fit._design import Expectation as Expectation
 from icjax.fit._design import design as design
@@ -17,6 +16,7 @@ from icjax.fit._options import FitOptions as FitOptions
 from icjax.fit._parameters import Parameter as Parameter
 from icjax.fit._parameters import Parameters as Parameters
 from icjax.fit._parameters import Values as Values
+from icjax.fit._periods import Changes as Changes
 from icjax.fit._planned_movement import PlannedMovement as PlannedMovement
 from icjax.fit._probe import Instruments as Instruments
 from icjax.fit._probe import Probe as Probe

@@ -1,8 +1,12 @@
 """Whether a session fitted with one compliance speaks for one that changes from trial to trial."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.stats import chi2 as chi_square
 
+from icjax.fit._joints import JointFit
+from icjax.fit._options import FitOptions
 from icjax.fit._session import SessionProblem
 from icjax.typing import Float
 
@@ -58,4 +62,25 @@ def change_warnings(probability: dict[str, float]) -> tuple[str, ...]:
     return (
         f"trials speak for different compliances (probability of such a difference by chance: {', '.join(told)}): one "
         'compliance through the session, with its interval, is then no trial\'s; fit them with compliance_by = "trial"',
+    )
+
+
+def spread_warnings(
+    names: Sequence[str], periods: Sequence[Sequence[JointFit]], options: FitOptions
+) -> tuple[str, ...]:
+    """One line where compliances of periods differ by more than `FitOptions.compliance_change` makes likely."""
+    told = []
+    for joint, name in enumerate(names):
+        found = np.log([row[joint].compliance for row in periods if not row[joint].refused])
+        if len(found) < 2:
+            continue
+        size = float(np.std(found, ddof=1))
+        free = len(found) - 1
+        if chi_square.sf(free * (size / options.compliance_change) ** 2, free) * len(names) < LIKELY:
+            told.append(f"{name} by {size:.2g}")
+    if not told:
+        return ()
+    return (
+        f"log C differs more than compliance_change = {options.compliance_change:g} says ({', '.join(told)}, standard "
+        "deviations): each number is drawn too far to the others; fit with a larger one",
     )

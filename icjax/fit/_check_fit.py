@@ -4,13 +4,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from icjax.fit._record import FitRecord, FitWindows
+from icjax.fit._record import FitRecord, FittedParameters, FitWindows
+from icjax.results import RESULTS
 
 ROUNDING = 1e-9
 """rad; of sums in double precision."""
 
-USUAL = (0.3, 2.0)
-"""Mean square of the whitened residuals; beyond, what was assumed of noise and repetitions does not hold."""
+LEAST_CHI2, MOST_CHI2, BY_CHANCE = 0.3, 1.25, 10.0
+"""Mean square of the whitened residuals; beyond, what was assumed of noise and repetitions does not hold. By chance it
+is above one by up to ten over the square root of their number: four standard deviations as seen in simulated sessions
+(0.07 with six contacts, 1056 residuals)."""
 
 FAR = 3.0
 """Standard deviations of its prior beyond which a number is called out."""
@@ -44,14 +47,19 @@ def _findings(fit: FitRecord) -> Iterator[tuple[str, str]]:
         if len(getattr(fit, field)) != count:
             yield "error", f"{field} has {len(getattr(fit, field))} entries for {count} joints"
             return
+    yield from _agreeing(fit)
     if fit.windows.joint_names != fit.joint_names:
         yield "error", f"its windows are of the joints {', '.join(fit.windows.joint_names)}"
     for name, value, low, high in zip(fit.joint_names, fit.compliance, fit.lower, fit.upper, strict=True):
         if not 0 <= low <= value <= high:
             yield "error", f"compliance of '{name}' is not within its own interval, or negative"
     periods = fit.periods
-    if not np.all((periods.lower <= periods.compliance) & (periods.compliance <= periods.upper)):
-        yield "error", "the compliance of a period is not within its own interval"
+    for what, low, value, high in (
+        ("compliance", periods.lower, periods.compliance, periods.upper),
+        ("factor", periods.factor_lower, periods.factor, periods.factor_upper),
+    ):
+        if not np.all((low <= value) & (value <= high)):
+            yield "error", f"the {what} of a period is not within its own interval"
     parameters = fit.parameters
     for name, value, low, high in zip(
         parameters.parameter_names, parameters.value, parameters.lower, parameters.upper, strict=True
@@ -62,23 +70,57 @@ def _findings(fit: FitRecord) -> Iterator[tuple[str, str]]:
     residual = fit.windows.residual[np.isfinite(fit.windows.residual)]
     if residual.size and not np.isclose(np.mean(residual**2), fit.chi2, rtol=1e-6):
         yield "error", f"chi2 is {fit.chi2:.3g}, the mean square of the residuals {np.mean(residual**2):.3g}"
-    for text in (*fit.warnings, *unusual_chi2(fit), *far_from_prior(fit)):
+    found = (*fit.warnings, *unusual_chi2(fit.chi2, residual.size), *far_from_prior(fit.parameters))
+    for text in dict.fromkeys(found):
         yield "suspicious", text
 
 
-def unusual_chi2(fit: FitRecord) -> tuple[str, ...]:
-    """A line where the residuals are far larger or smaller than was assumed."""
-    if USUAL[0] <= fit.chi2 <= USUAL[1]:
+def _agreeing(fit: FitRecord) -> Iterator[tuple[str, str]]:
+    """Fields that say the same must say the same."""
+    periods, parameters = fit.periods, fit.parameters
+    if periods.joint_names != fit.joint_names:
+        yield "error", f"its periods are of the joints {', '.join(periods.joint_names)}"
+    if len(periods.period_names) == 1 and not np.array_equal(periods.refused[0], [bool(why) for why in fit.refused]):
+        yield "error", "its one period refuses other joints than the fit"
+    for field in ("units", "scales"):
+        if len(getattr(parameters, field)) != len(parameters.parameter_names):
+            yield "error", f"parameters: {field} has another length than parameter_names"
+    if fit.result not in RESULTS._name_to_item:
+        yield "error", f"result is {fit.result!r}, none of {', '.join(RESULTS._name_to_item)}"
+    if fit.result != "solved" and not all(fit.refused):
+        yield "error", f"it ended as {fit.result!r}, yet has numbers"
+    with np.errstate(divide="ignore", invalid="ignore"):
+        width = np.asarray(fit.upper) / np.asarray(fit.lower)
+    if not np.allclose(width, fit.width, rtol=1e-6, equal_nan=True):
+        yield "error", "width is not upper over lower"
+    for name, learned in (
+        ("", fit.learned),
+        (" of a parameter", parameters.learned),
+        (" of a period", periods.learned),
+    ):
+        if not np.all((np.asarray(learned) >= -ROUNDING) & (np.asarray(learned) <= 1 + ROUNDING)):
+            yield "error", f"learned{name} is no share"
+    unknown = sorted(set(fit.windows.trial) - set(fit.trials))
+    if unknown:
+        yield "error", f"its windows are of trials that it does not name: {', '.join(unknown)}"
+    if not (isinstance(fit.catch_trials, int) and fit.catch_trials >= 0):
+        yield "error", f"catch_trials is {fit.catch_trials!r}, no number of catch trials"
+
+
+def unusual_chi2(chi2: float, residuals: int) -> tuple[str, ...]:
+    """A line where the mean square of so many residuals is larger or smaller than was assumed."""
+    if LEAST_CHI2 <= chi2 <= max(MOST_CHI2, 1.0 + BY_CHANCE / max(residuals, 1) ** 0.5):
         return ()
+    factor = chi2**0.5
+    told = f"narrow by a factor of {factor:.2g} at least" if chi2 > 1 else "wide"
     return (
-        f"chi2 is {fit.chi2:.3g}, far from 1: noise, repetitions or the model are not as assumed, and "
-        f"intervals are too {'narrow' if fit.chi2 > 1 else 'wide'}",
+        f"chi2 is {chi2:.3g}, far from 1: noise, repetitions or the model are not as assumed, and intervals are too "
+        + told,
     )
 
 
-def far_from_prior(fit: FitRecord) -> tuple[str, ...]:
+def far_from_prior(parameters: FittedParameters) -> tuple[str, ...]:
     """A line for each number that is not what was thought likely beforehand: a wrong mass or scale of the model."""
-    parameters = fit.parameters
     distance = parameters.prior_distance()
     return tuple(
         f"'{parameters.parameter_names[row]}' is {parameters.value[row]:.3g} {parameters.units[row]}".removesuffix(" 1")

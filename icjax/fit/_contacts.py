@@ -11,11 +11,8 @@ from icjax.fit._options import FitOptions
 from icjax.fit._planned_movement import PlannedMovement, free_stretches, learn_movement, pace
 from icjax.fit._repetitions import Repetition
 from icjax.fit._variability import Curve, Variability, covariance, learn
-from icjax.fit._windows import Motion, smoothed
+from icjax.fit._windows import SMEAR, Motion, smoothed
 from icjax.typing import Float
-
-SMEAR = 0.024
-"""s before the onset in which the filter already shows the contact."""
 
 
 class Window(NamedTuple):
@@ -67,7 +64,8 @@ def _learn_variability(windows, motions, noise, options) -> Variability:
         s = (window.samples - window.onset) / motion.recording.rate
         rho = _correlation(motion, window.samples)
         for one, other in zip(window.repetitions, window.repetitions[1:], strict=False):
-            curves.append(Curve(s, one.angle - other.angle, (one.rate, other.rate)))
+            share = 1.0 / min(one.trials, other.trials)
+            curves.append(Curve(s, one.angle - other.angle, (one.rate, other.rate), share))
             correlations.append(rho)
         free = s <= -SMEAR
         for one in window.repetitions[:1]:
@@ -173,9 +171,25 @@ def repeated_covariance(motion: Motion, window: Window, expected: Expected) -> F
     """Of a trial's angles less the mean of its repetitions, rad^2 [sample * dof, sample * dof], were none shifted."""
     assert expected.variability is not None
     s = (window.samples - window.onset) / motion.recording.rate
-    n, count = len(window.repetitions), len(s) * len(expected.noise)
-    rho = _correlation(motion, window.samples)
-    return (1.0 + 1.0 / n) * covariance(s, expected.variability, expected.noise, rho).reshape(count, count)
+    count, rho = len(s) * len(expected.noise), _correlation(motion, window.samples)
+    return (1.0 + of_mean(window)) * covariance(s, expected.variability, expected.noise, rho).reshape(count, count)
+
+
+def of_mean(window: Window) -> float:
+    """Variance of the mean of n repetitions over that of one: sum k / n^2, 1/n where none is shared.
+
+    Repetitions of k trials err in the same way at all of them, and contacts count as independent here: k times the
+    variance leaves the mean over the k trials as uncertain as it is.
+    """
+    return sum(item.trials for item in window.repetitions) / len(window.repetitions) ** 2
+
+
+def apparent(window: Window) -> float:
+    """By how much smaller than one the whitened residuals of a window are expected to be, as its repetitions count more
+    than once (`of_mean`)."""
+    if not window.repetitions:
+        return 1.0
+    return float(np.sqrt((1.0 + 1.0 / len(window.repetitions)) / (1.0 + of_mean(window))))
 
 
 def planned_covariance(motion: Motion, window: Window, expected: Expected) -> Float[np.ndarray, "row row"]:
@@ -187,9 +201,9 @@ def planned_covariance(motion: Motion, window: Window, expected: Expected) -> Fl
 
 
 def shifts(window: Window, options: FitOptions) -> Float[np.ndarray, "row repetition"]:
-    """U, with U U^T the covariance that comes from repetitions that begin earlier or later, rad."""
+    """U, with U U^T the covariance that comes from repetitions that begin earlier or later, rad; see `of_mean`."""
     return (options.shift_sd / len(window.repetitions)) * np.stack(
-        [item.rate.ravel() for item in window.repetitions], axis=1
+        [np.sqrt(item.trials) * item.rate.ravel() for item in window.repetitions], axis=1
     )
 
 

@@ -83,7 +83,7 @@ class Design:
         learned = np.asarray(known.learned)[at]
         with np.errstate(divide="ignore", over="ignore"):  # nothing learnt, no interval
             width = np.exp(2.0 * QUANTILE * sd / np.sqrt(learned))
-        return Expectation(width, sd, learned, ~(width <= self.options.widest))
+        return Expectation(width, sd, learned, ~(width <= self.options.widest) | (sum(times) < LEAST_EVENTS))
 
     @property
     def widths(self) -> Float[np.ndarray, "probe joint"]:
@@ -93,7 +93,7 @@ class Design:
     @property
     def refused(self) -> Bool[np.ndarray, "probe joint"]:
         """Of each probe alone."""
-        return ~(self.widths <= self.options.widest)
+        return np.stack([self.expected([item]).refused for item in range(len(self.probes))])
 
     def ranking(self) -> tuple[int, ...]:
         """Probes by the largest width of any joint, best first, equal ones by the product of all widths."""
@@ -131,8 +131,8 @@ class Design:
         asks for, infinite above `MOST_TIMES` contacts each."""
         needed = np.full(len(self.joints), np.inf)
         for count in np.unique(np.round(np.geomspace(1, MOST_TIMES, 120))):
-            refused = self.expected(chosen, count * len(chosen)).refused
-            needed = np.where(~refused & np.isinf(needed), count * len(chosen), needed)
+            told = self.expected(chosen, count * len(chosen)).width <= self.options.widest
+            needed = np.where(told & np.isinf(needed), count * len(chosen), needed)
         return np.maximum(needed, LEAST_EVENTS)
 
 
@@ -242,6 +242,10 @@ def _check_movement(variability: Variability, planned: PlannedMovement, dofs: in
             f"{list(np.shape(variability.noise))}; the model has {dofs} compliant degrees of freedom, they must be "
             "[2, that many] and [that many]"
         )
+    for name, value in variability._replace(doubt=None)._asdict().items():
+        least = 0.0 if name == "amplitude" else 1e-9
+        if value is not None and not (np.isfinite(value).all() and np.all(np.asarray(value) >= least)):
+            raise ValueError(f"variability: {name} = {value}: must be finite and not negative")
     if not isinstance(planned, PlannedMovement):
         raise ValueError(
             f"planned_movement is a {type(planned).__name__}: must be a PlannedMovement, such as "

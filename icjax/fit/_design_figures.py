@@ -35,7 +35,7 @@ def _row(plan: Design, item: int, width: np.ndarray) -> dict[str, Any]:
         "probe": plan.probes[item].name,
         "contacts": plan.probes[item].contacts,
         "width": _plain(width),
-        "refused": [joint for joint, w in zip(plan.joints, width, strict=True) if not w <= plan.options.widest],
+        "refused": [joint for joint, no in zip(plan.joints, plan.expected([item]).refused, strict=True) if no],
         "torque Nm": _plain(plan.torque[item]),
         "deflection rad": _plain(plan.deflection[item]),
         "doubt rad": _plain(plan.doubt[item]),

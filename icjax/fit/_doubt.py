@@ -7,7 +7,7 @@ import equinox as eqx
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from icjax.fit._contacts import Window, planned_covariance, repeated_covariance, shifts, systematic
+from icjax.fit._contacts import Window, of_mean, planned_covariance, repeated_covariance, shifts, systematic
 from icjax.fit._options import FitOptions
 from icjax.fit._planned_movement import PlannedMovement, pace
 from icjax.fit._session import SessionProblem
@@ -97,7 +97,8 @@ def _by_repetitions(made: SessionProblem, rows: np.ndarray, options: FitOptions)
         U, motion = shifts(window, options), made.motions[window.trial]
         L = np.linalg.cholesky(repeated_covariance(motion, window, made.expected) + U @ U.T)
         samples = (window.samples - window.onset).tobytes()
-        key = samples, len(window.repetitions), motion.recording.rate, motion.correlation.tobytes()
+        repeated = len(window.repetitions), of_mean(window)
+        key = samples, repeated, motion.recording.rate, motion.correlation.tobytes()
         plain = L @ _own(made, rows, number, len(U))
         alike.setdefault(key, (window, []))[1].append(np.column_stack([U, plain]))
     size = rows.shape[1]

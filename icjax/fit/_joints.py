@@ -7,14 +7,18 @@ import jax
 import numpy as np
 
 from icjax.fit._contacts import unexplained
-from icjax.fit._ends import likelihood_ends
 from icjax.fit._options import FitOptions
+from icjax.fit._periods import Changes, numbers_of
 from icjax.fit._problem import Problem
 from icjax.fit._session import SessionProblem
 from icjax.inference import QUANTILE, Laplace
 
 MOST_TIMES = 10.0
 """Times the recorded contacts beyond which more of the same is no advice."""
+
+
+LEAST_OWN = 0.1
+"""Share of what is open about a period's deviation from the others that its contacts must remove."""
 
 
 class JointFit(NamedTuple):
@@ -33,13 +37,13 @@ class JointFit(NamedTuple):
 
 
 def joints_of(
-    made: SessionProblem, x: Any, plain: Laplace, known: Laplace, options: FitOptions
+    made: SessionProblem, x: Any, plain: Laplace, known: Laplace, changes: Changes | None, options: FitOptions
 ) -> tuple[tuple[JointFit, ...], ...]:
     """Of every joint for the session as a whole, then of every joint in every period.
 
-    With several periods the session's log C is the mean over them. Ends are those of `likelihood_ends`, in which a
-    joint's own prior has no part, farther out in the ratio in which `known` is wider than `plain`, which takes
-    hyperparameters for known. They always hold the value, which the prior has a part in.
+    With several periods the session's log C is the mean over them, and a period in which nearly all comes from the
+    others (`LEAST_OWN` of `Changes.learned`) is refused. Ends are those of `numbers_of`, in which a joint's own prior
+    has no part.
     """
     at = made.problem.parameters.slices["compliance"]
     count, numbers = len(made.dof_names), at.stop - at.start
@@ -49,22 +53,16 @@ def joints_of(
         rows = np.concatenate([np.tile(np.eye(count), periods) / periods, rows])
     along = np.zeros((len(rows), len(x)))
     along[:, at] = rows
-    log_C = along @ np.asarray(x)
-    sd, narrow = (np.sqrt(np.einsum("kn,nm,km->k", along, np.nan_to_num(s.covariance), along)) for s in (known, plain))
-    wider = np.divide(sd, narrow, out=np.ones_like(sd), where=narrow > 0)
-    ends = likelihood_ends(made.problem, x, plain, along)
-    lower, upper = (
-        np.minimum(log_C + wider * (ends[0] - log_C), log_C),
-        np.maximum(log_C + wider * (ends[1] - log_C), log_C),
-    )
+    log_C, sd, lower, upper = numbers_of(made.problem, x, plain, known, along)
     prior = options.compliance_sd**2 * np.ones(len(rows))
     if periods > 1:
         prior += options.compliance_change**2 * np.where(np.arange(len(rows)) < count, 1.0 / periods, 1.0)
     learned = np.clip(1.0 - sd**2 / prior, 0.0, 1.0)
     added = np.divide(1.0, sd**2, out=np.zeros_like(sd), where=sd > 0) - 1.0 / prior
     loads = _loads(made, np.asarray(_deviation(made.problem, x)))
+    own = np.ones(len(rows)) if changes is None else np.concatenate([np.ones(count), changes.learned.ravel()])
     joints = [
-        _joint(made.dof_names[row % count], *told, loads[row // count][row % count], options)
+        _joint(made.dof_names[row % count], *told, float(own[row]), loads[row // count][row % count], options)
         for row, told in enumerate(zip(log_C, lower, upper, learned, added, strict=True))
     ]
     table = tuple(tuple(joints[row : row + count]) for row in range(0, len(joints), count))
@@ -122,10 +120,21 @@ def _loads(made: SessionProblem, deviation: np.ndarray) -> list[list[_Load]]:
 
 
 def _joint(
-    name: str, log_C: float, lower: float, upper: float, learned: float, added: float, load: _Load, options: FitOptions
+    name: str,
+    log_C: float,
+    lower: float,
+    upper: float,
+    learned: float,
+    added: float,
+    own: float,
+    load: _Load,
+    options: FitOptions,
 ) -> JointFit:
     width = float(np.exp(upper - lower))
-    refused = "" if width <= options.widest else _refusal(width, added, load, options)
+    if width > options.widest:
+        refused = _refusal(width, added, load, options)
+    else:
+        refused = "" if own > LEAST_OWN else f"its own contacts say nothing of it ({own:.0%} of what was open)"
     value, lower, upper = (float(np.exp(end)) for end in (log_C, lower, upper))
     return JointFit(name, value, lower, upper, width, float(learned), refused)
 

@@ -8,15 +8,15 @@ import numpy as np
 
 from icjax import __version__
 from icjax.estimation import estimates
+from icjax.fit._contacts import apparent
 from icjax.fit._drift import drift
-from icjax.fit._parameters import Parameter
+from icjax.fit._periods import Changes
 from icjax.fit._problem import Problem, intervals
 from icjax.fit._profile import Profile, profile
-from icjax.fit._record import FitPeriods, FitRecord, FittedParameters, FitWindows
+from icjax.fit._record import FitPeriods, FitRecord, FitWindows
 from icjax.fit._reference import contact_free
 from icjax.fit._result import SessionFit
 from icjax.fit._solve import linearised, solve
-from icjax.inference import QUANTILE, Identity, Log
 from icjax.interaction import JointCompliance
 from icjax.recording import Session
 from icjax.results import RESULTS
@@ -44,7 +44,7 @@ def fit_record(
         name=session.name,
         subject=session.subject,
         trials=tuple(item.name for item in trials),
-        catch_trials=sum(len(session.catch_trials(item.name)) for item in trials),
+        catch_trials=len({catch.name for item in trials for catch in session.catch_trials(item.name)}),
         joint_names=made.dof_names,
         joint_kinds=_kinds(fit),
         compliance=np.array([joint.compliance for joint in fit.joints]),
@@ -58,7 +58,7 @@ def fit_record(
         result=_result(fit),
         warnings=fit.warnings,
         periods=_periods(fit),
-        parameters=_parameters(fit),
+        parameters=fit.parameters,
         windows=_windows(fit),
         variability=np.full((2, count), np.nan) if repeated is None else np.asarray(repeated.amplitude),
         noise=np.full(count, np.nan) if repeated is None else np.asarray(repeated.noise),
@@ -76,7 +76,9 @@ def _periods(fit: SessionFit) -> FitPeriods:
         np.array([[getattr(joint, field) for joint in row] for row in fit.periods])
         for field in ("compliance", "lower", "upper", "refused")
     )
-    return FitPeriods(fit.made.periods, fit.made.dof_names, compliance, lower, upper, refused != "")
+    one = np.ones((1, len(fit.made.dof_names)))
+    changes = fit.changes or Changes(one, one, one, np.array([[joint.learned for joint in fit.joints]]))
+    return FitPeriods(fit.made.periods, fit.made.dof_names, compliance, lower, upper, refused != "", *changes)
 
 
 def _profiles(fit: SessionFit) -> np.ndarray:
@@ -124,49 +126,6 @@ def _result(fit: SessionFit) -> str:
     return next(name for name, item in RESULTS._name_to_item.items() if int(np.asarray(item._value)) == found)
 
 
-def _parameters(fit: SessionFit) -> FittedParameters:
-    """One row a number of x, in its order, then those that were held."""
-    parameters, x = fit.made.problem.parameters, np.asarray(fit.solution.value.x)
-    rows = []
-    for item in (*parameters.free, *(item for item in parameters.of if item.frozen)):
-        if item.frozen:
-            centre = np.asarray(item.transform.free(item.nominal))
-            sd, learned = np.zeros(len(centre)), np.zeros(len(centre))
-        else:
-            place = parameters.slices[item.name]
-            centre = x[place]
-            sd, learned = np.asarray(fit.laplace.sd)[place], np.asarray(fit.laplace.learned)[place]
-        ends = [_value(item, centre + sign * QUANTILE * sd) for sign in (0.0, -1.0, 1.0)]
-        if item.name == "compliance" and not item.frozen:  # ends as everywhere else
-            ends[1:] = (np.array([getattr(j, end) for row in fit.periods for j in row]) for end in ("lower", "upper"))
-        own = np.inf if item.prior_sd is None else np.asarray(item.prior_sd, float)
-        prior = np.broadcast_to(np.hypot(own, item.shared_sd or 0.0), centre.shape)
-        nominal = _value(item, np.asarray(item.transform.free(item.nominal)))
-        scale, unit = _scale(item)
-        rows += zip(
-            item.names, item.size * [unit], item.size * [scale], *ends, sd, nominal, prior, learned, strict=True
-        )
-    name, unit, scale, *numbers = zip(*rows, strict=True)
-    return FittedParameters(tuple(name), tuple(unit), tuple(scale), *(np.array(column, float) for column in numbers))
-
-
-def _scale(item: Parameter) -> tuple[str, str]:
-    kind = type(item.transform)
-    if kind in (Log, Identity):
-        return ("log" if kind is Log else "linear"), item.unit
-    return "x", item.unit if _one_to_one(item) else f"x of {item.unit}"
-
-
-def _one_to_one(item: Parameter) -> bool:
-    """Whether every number of x has a value of its own."""
-    return int(np.size(item.nominal)) == item.size
-
-
-def _value(item: Parameter, x: np.ndarray) -> np.ndarray:
-    with np.errstate(over="ignore"):
-        return np.ravel(np.asarray(item.value(x))) if _one_to_one(item) else x
-
-
 def _windows(fit: SessionFit) -> FitWindows:
     """Rows of every window, filled up with NaN."""
     made, found = fit.made, contact_free(fit)
@@ -184,6 +143,7 @@ def _windows(fit: SessionFit) -> FitWindows:
         residual[number, :count] = data[number, :count]
         onset.append(float(np.asarray(motion.recording.events.onset)[window.event]))
     drifted = drift(fit, residual)
+    residual *= 1.0 / np.array([apparent(window) for window in made.windows])[:, None, None]
     return FitWindows(
         trial=tuple(window.trial for window in made.windows),
         joint_names=made.dof_names,

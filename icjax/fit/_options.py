@@ -9,8 +9,8 @@ RANGES = {
     "after": (0.03, 1.0),
     "before": (0.05, 2.0),
     "settle": (0.0, 2.0),
-    "spacing": (0.0, 0.03),
-    "shift_sd": (0.0, 0.2),
+    "spacing": (1e-3, 0.03),
+    "shift_sd": (1e-4, 0.2),
 }
 """s. Less before or after a contact tells nothing, more is another movement; outside, milliseconds are likely meant."""
 
@@ -68,7 +68,7 @@ class FitOptions:
         if self.compliance_by not in PERIODS:
             raise ValueError(f"compliance_by = {self.compliance_by!r}: must be one of {', '.join(PERIODS)}")
         for field in dataclasses.fields(self):
-            if field.name == "compliance_by":
+            if field.name == "compliance_by" or field.name in RANGES:
                 continue
             value = getattr(self, field.name)
             if not (math.isfinite(value) and value > 0):

@@ -20,6 +20,10 @@ MOST = {"speed": 3.0, "depth": 0.3, "hover": 0.5}
 """m/s and m; beyond, millimetres are likely meant."""
 
 
+MOST_CONTACTS = 100_000
+"""Of a probe; a year of tapping."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Probe:
     """A kind of contact that might be recorded, so many times.
@@ -83,6 +87,8 @@ class Probe:
             raise self._error("duration", self.duration, f"at least {LEAST_AFTER:g} s; a shorter contact is not fitted")
         if isinstance(self.contacts, bool) or not isinstance(self.contacts, int) or self.contacts < 1:
             raise self._error("contacts", self.contacts, "a whole number of at least 1")
+        if self.contacts > MOST_CONTACTS:
+            raise self._error("contacts", self.contacts, f"at most {MOST_CONTACTS}")
 
     def _error(self, argument: str, value: object, wanted: str) -> ValueError:
         return ValueError(f"probe {self.name!r}: {argument} = {value}: must be {wanted}")

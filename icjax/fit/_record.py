@@ -70,7 +70,15 @@ class FitPeriods(eqx.Module):
     compliance: Float[Real, "period joint"] = labelled("period", "joint", unit="rad/Nm", doc="m/N of a slide")
     lower: Float[Real, "period joint"] = labelled("period", "joint", unit="rad/Nm", doc="of the 95 % interval")
     upper: Float[Real, "period joint"] = labelled("period", "joint", unit="rad/Nm")
-    refused: Bool[Real, "period joint"] = labelled("period", "joint", unit="1", doc="the interval is too wide")
+    refused: Bool[Real, "period joint"] = labelled(
+        "period", "joint", unit="1", doc="the interval is too wide, or the period says nothing of its own"
+    )
+    factor: Float[Real, "period joint"] = labelled("period", "joint", unit="1", doc="over that of the first period")
+    factor_lower: Float[Real, "period joint"] = labelled("period", "joint", unit="1", doc="of its 95 % interval")
+    factor_upper: Float[Real, "period joint"] = labelled("period", "joint", unit="1", doc="of its 95 % interval")
+    learned: Float[Real, "period joint"] = labelled(
+        "period", "joint", unit="1", doc="share of what was open about its deviation from the others that was removed"
+    )
 
 
 class FittedParameters(eqx.Module):

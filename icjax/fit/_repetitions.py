@@ -20,11 +20,13 @@ class Repetition(NamedTuple):
     - `angle`, `rate` [sample, dof]: its angles there and their derivative by the shift, rad/s; NaN beyond its ends and
       in gaps.
     - `shift`: s, by which it was read later.
+    - `trials`: how many trials it is a repetition of.
     """
 
     angle: Float[np.ndarray, "sample dof"]
     rate: Float[np.ndarray, "sample dof"]
     shift: float
+    trials: int = 1
 
 
 def aligned(

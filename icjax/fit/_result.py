@@ -6,27 +6,37 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from icjax.fit._changes import change_warnings, changed
+from icjax.fit._changes import change_warnings, changed, spread_warnings
+from icjax.fit._check_fit import far_from_prior, unusual_chi2
+from icjax.fit._contacts import apparent
 from icjax.fit._doubt import with_doubt
+from icjax.fit._fitted import fitted_parameters
 from icjax.fit._joints import JointFit, joints_of
 from icjax.fit._options import FitOptions
 from icjax.fit._parameters import Values
+from icjax.fit._periods import Changes, changes_of
 from icjax.fit._problem import intervals
+from icjax.fit._record import FittedParameters
 from icjax.fit._session import SessionProblem, session_problem
 from icjax.fit._solve import Minimum, Progress, linearised, solve
 from icjax.inference import Laplace
 from icjax.recording import Session
 from icjax.results import RESULTS, Solution
 
+TOLERANCE = 1e-6
+"""Of `solve`: the minimum is known to a thousandth of a standard deviation."""
+
 
 class SessionFit(NamedTuple):
-    """`joints` in the model's order; `values` of all parameters; `laplace` of x; `chi2` mean square of the residuals.
+    """`joints` in the model's order; `values` of all parameters and `parameters` the same with intervals; `laplace` of
+    x; `chi2` mean square of the residuals.
 
     `periods` has the joints of every period in which compliance may be another (`SessionProblem.periods`); there is one
-    where it is the same throughout. With several `joints` are their geometric means.
+    where it is the same throughout. With several `joints` are their geometric means, and `changes` says by what
+    factor they differ.
 
-    `warnings` are what a reader must know: a fit that did not converge or never moved, trials that speak for
-    different compliances (`changed`).
+    `warnings` are what a reader must know: a fit that did not converge (all its joints are refused) or never moved,
+    residuals larger than assumed, numbers far from their priors, trials that speak for different compliances.
     """
 
     made: SessionProblem
@@ -35,6 +45,8 @@ class SessionFit(NamedTuple):
     laplace: Laplace
     joints: tuple[JointFit, ...]
     periods: tuple[tuple[JointFit, ...], ...]
+    changes: Changes | None
+    parameters: FittedParameters
     chi2: float
     warnings: tuple[str, ...]
     options: FitOptions = FitOptions()
@@ -73,6 +85,7 @@ def fit_session(
     made = session_problem(session, options)
     found = solve(
         made.problem,
+        tolerance=TOLERANCE,
         progress=progress,
         cancelled=cancelled,
         checkpoint=checkpoint,
@@ -85,12 +98,27 @@ def fit_session(
     plain = intervals(data, prior)
     known = with_doubt(plain, made, data, rows, options)
     compared = len(made.dof_names) * sum(len(window.samples) for window in made.windows)
-    joints, *periods = joints_of(made, x, plain, known, options)
-    values = made.problem.parameters.values(x)
-    warnings = _warnings(made, found) + change_warnings(changed(made, data, prior, both))
-    return SessionFit(
-        made, found, values, known, joints, tuple(periods), float(np.sum(rows**2)) / compared, warnings, options
+    changes = changes_of(made, x, plain, known, options.compliance_change)
+    joints, *periods = joints_of(made, x, plain, known, changes, options)
+    if found.result != RESULTS.solved:
+        joints, *periods = (_refused(row, found.stats["steps"]) for row in (joints, *periods))
+    parameters = fitted_parameters(made.problem.parameters, np.asarray(x), known, periods)
+    own = np.repeat([apparent(window) for window in made.windows], len(rows) // len(made.windows))
+    chi2 = float(np.sum((rows / own) ** 2)) / compared
+    warnings = (
+        *_warnings(made, found),
+        *unusual_chi2(chi2, compared),
+        *far_from_prior(parameters),
+        *change_warnings(changed(made, data, prior, both)),
+        *spread_warnings(made.dof_names, periods, options),
     )
+    values = made.problem.parameters.values(x)
+    return SessionFit(made, found, values, known, joints, tuple(periods), changes, parameters, chi2, warnings, options)
+
+
+def _refused(joints: tuple[JointFit, ...], steps: int) -> tuple[JointFit, ...]:
+    why = f"the fit did not converge in {steps} steps, so that neither number nor interval is one"
+    return tuple(joint._replace(refused=joint.refused or why) for joint in joints)
 
 
 def _warnings(made: SessionProblem, found: Solution[Minimum]) -> tuple[str, ...]:

@@ -9,13 +9,13 @@ import numpy as np
 
 from icjax.estimation import compliant_dofs
 from icjax.fit._carried import moved_aside
-from icjax.fit._contacts import SMEAR, Expected, Window, expectation, measured
+from icjax.fit._contacts import Expected, Window, expectation, measured
 from icjax.fit._inertia import segment_groups
 from icjax.fit._options import FitOptions
 from icjax.fit._parameters import Parameter, Parameters
 from icjax.fit._problem import Problem
 from icjax.fit._repetitions import LONGEST_SHIFT, aligned
-from icjax.fit._windows import Motion, contact_frames, motion_of, without_contact
+from icjax.fit._windows import SMEAR, Motion, contact_frames, motion_of, without_contact
 from icjax.inference import Identity, Log
 from icjax.model import Model
 from icjax.recording import Recording, Session
@@ -26,8 +26,17 @@ LEAST_EVENTS = 3
 LEAST_AFTER = 0.03
 """s; a contact that is released sooner tells nothing."""
 
+UNEVEN = 0.2
+"""Of the time from frame to frame, by which one may differ."""
+
 COPIED = 1e-7
 """rad; recordings that agree so are copies."""
+
+NO_TORQUE = 1e-6
+"""Nm."""
+
+EARLIER = 0.3
+"""Of the largest torque of a contact, which none may reach before its onset."""
 
 LEAST_FRAMES = 4
 """Of a catch trial, through which its angles are interpolated."""
@@ -56,7 +65,8 @@ class SessionProblem(NamedTuple):
 def session_problem(session: Session, options: FitOptions | None = None) -> SessionProblem:
     """The dynamic equilibrium after every contact of a session as one problem of least squares.
 
-    The mean of a trial's catch trials is its reference, their spread (`learn`) its covariance. Without them a planned
+    The mean of a trial's catch trials is its reference, their spread (`learn`) its covariance; a catch trial may be one
+    of several trials, whose references then err alike (`of_mean`). Without them a planned
     deceleration after contact cannot be told from compliance, whatever else is measured: the reference of such a trial
     is foretold from the movement before contact by a Gaussian process learnt from free movement (`PlannedMovement`),
     once for each contact, and once more for what all contacts of the session may have in common (`Common`): a subject
@@ -76,26 +86,22 @@ def session_problem(session: Session, options: FitOptions | None = None) -> Sess
     dofs = tuple(compliant_dofs(model))
     if not dofs:
         raise ValueError(f"session {session.name!r}: its model has no compliant joint")
-    catches = {trial.name: session.catch_trials(trial.name) for trial in trials}
     motions = {trial.name: motion_of(trial, dofs) for trial in trials}
-    repetitions = {
-        name: [without_contact(motion_of(item, dofs), SMEAR, options.settle) for item in catches[name]]
-        for name in catches
-    }
+    repetitions = _repetitions(session, motions, dofs, options)
     found = [
         _window(motion, event, repetitions[name], options)
         for name, motion in motions.items()
         for event in range(len(motion.recording.events.onset))
     ]
     windows = [item for item in found if isinstance(item, Window)]
-    left_out = _left_out(found, repetitions) + _shared(session)
+    left_out = _left_out(found, repetitions)
     if len(windows) < LEAST_EVENTS:
         raise ValueError(
             f"session {session.name!r}: {len(windows)} contacts that can be compared, a fit needs {LEAST_EVENTS}; "
             f"{'; '.join(left_out) or 'there are no others'}"
         )
     varied = max(float(np.ptp(motions[w.trial].torque[w.first : w.last + 1], axis=0).max()) for w in windows)
-    if varied < 1e-6:
+    if varied < NO_TORQUE:
         raise ValueError(f"session {session.name!r}: the contact torque never varies ({varied:.1e} Nm)")
     groups, segments = segment_groups(model, dofs)
     expected = expectation(windows, motions, options)
@@ -108,6 +114,19 @@ def session_problem(session: Session, options: FitOptions | None = None) -> Sess
         parameters = Parameters((*parameters.of, Parameter("carried", modes, "prior sd", Identity(), 1.0)))
     problem = Problem(parameters, (measurement,))
     return SessionProblem(problem, motions, tuple(windows), groups, names, expected, left_out, periods)
+
+
+def _repetitions(
+    session: Session, motions: dict[str, Motion], dofs: tuple[int, ...], options: FitOptions
+) -> dict[str, list[tuple[Motion, int]]]:
+    """Of every trial its catch trials, free of contact, and of how many trials each of them holds the movement."""
+    catches = [item for item in session.recordings if item.role == "catch" and set(item.repeats) & set(motions)]
+    free = [without_contact(motion_of(item, dofs), SMEAR, options.settle) for item in catches]
+    alike = [[other for other in catches if other is item or _same(item, other)] for item in catches]
+    repeated = [len({name for other in items for name in other.repeats if name in motions}) for items in alike]
+    return {
+        name: [(free[at], repeated[at]) for at, item in enumerate(catches) if name in item.repeats] for name in motions
+    }
 
 
 def _check(session: Session, trials) -> None:
@@ -123,6 +142,14 @@ def _check(session: Session, trials) -> None:
             continue
         if len(item.time) < 2:
             raise ValueError(f"{item.role} {item.name!r}: {len(item.time)} frames")
+        steps = np.diff(np.asarray(item.time, float))
+        usual = float(np.median(steps))
+        if np.abs(steps - usual).max() > UNEVEN * usual:
+            frame = int(np.abs(steps - usual).argmax())
+            raise ValueError(
+                f"{item.role} {item.name!r}: frame {frame + 2} comes {steps[frame]:.4g} s after the one before; a fit "
+                f"needs frames {usual:.4g} s apart throughout"
+            )
         if item.model.dof_names != first.model.dof_names:
             raise ValueError(f"{item.role} {item.name!r}: its model differs from that of {first.name!r}")
         if abs(item.rate - first.rate) > 1e-3 * first.rate:
@@ -146,7 +173,7 @@ def _check(session: Session, trials) -> None:
             raise ValueError(f"trials {one.name!r} and {other.name!r} have one name or hold the same angles: a copy")
 
 
-def _window(motion: Motion, event: int, catches: list[Motion], options: FitOptions) -> Window | str:
+def _window(motion: Motion, event: int, catches: list[tuple[Motion, int]], options: FitOptions) -> Window | str:
     """The window of a contact, or what is wrong with it."""
     first, onset, last = contact_frames(motion, event, options)
     rate = motion.recording.rate
@@ -157,11 +184,15 @@ def _window(motion: Motion, event: int, catches: list[Motion], options: FitOptio
         return f"begin within {options.settle + 2 * SMEAR:.2g} s of another contact's end, or at the recording's start"
     if not motion.valid[first : last + 1].all():
         return "have frames without pose or force"
+    size = np.linalg.norm(motion.torque, axis=1)
+    before, after = size[first : onset - int(SMEAR * rate)].max(), size[onset : last + 1]
+    if before > EARLIER * after.max() and np.ptp(after) > NO_TORQUE:
+        return "are pushed before their stated onset"
     stride = max(1, round(options.spacing * rate))
     samples = np.arange(first, last + 1, stride)
     time = np.asarray(motion.recording.time)
     found, shifted = [], []
-    for catch in catches:
+    for catch, repeated in catches:
         if catch.valid.sum() < LEAST_FRAMES:
             continue
         repetition = aligned(
@@ -175,7 +206,7 @@ def _window(motion: Motion, event: int, catches: list[Motion], options: FitOptio
         )
         timely = abs(repetition.shift) < 0.98 * LONGEST_SHIFT * options.shift_sd  # else the best may lie beyond
         if timely and np.isfinite(repetition.angle).all():
-            found.append(repetition)
+            found.append(repetition._replace(trials=repeated))
             shifted.append((catch, repetition.shift))
     if catches and not found:
         within = LONGEST_SHIFT * options.shift_sd
@@ -184,7 +215,7 @@ def _window(motion: Motion, event: int, catches: list[Motion], options: FitOptio
     return Window(motion.recording.name, event, first, onset, last, samples, tuple(found), aside)
 
 
-def _left_out(found: list[Window | str], repetitions: dict[str, list[Motion]]) -> tuple[str, ...]:
+def _left_out(found: list[Window | str], repetitions: dict[str, list[tuple[Motion, int]]]) -> tuple[str, ...]:
     """How many contacts are not compared, and why; at how many of the others a catch trial is missing."""
     why = Counter(item for item in found if isinstance(item, str))
     told = "; ".join(f"{count} {reason}" for reason, count in why.items())
@@ -204,19 +235,6 @@ def _same(one: Recording, other: Recording) -> bool:
     count = min(len(one.time), len(other.time))
     first, second = np.asarray(one.q)[:count], np.asarray(other.q)[:count]
     return bool(np.allclose(first, second, rtol=0.0, atol=COPIED, equal_nan=True))
-
-
-def _shared(session: Session) -> tuple[str, ...]:
-    """A line where trials have the same catch trials."""
-    catches = [item for item in session.recordings if item.role == "catch"]
-    pairs = [(a.name, b.name) for a, b in itertools.combinations(catches, 2) if _same(a, b)]
-    if not pairs:
-        return ()
-    names = ", ".join(f"{a!r} and {b!r}" for a, b in pairs[:3])
-    return (
-        f"catch trials of different trials hold the same movement ({names}{', ...' if len(pairs) > 3 else ''}): they "
-        "count as independent, which they are not, so that intervals are too narrow",
-    )
 
 
 def _periods(

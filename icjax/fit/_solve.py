@@ -21,8 +21,12 @@ from icjax.results import RESULTS, Solution
 from icjax.typing import Float, Real
 
 RESOLVED, STILL = 1e-12, 3
-"""Relative decrease of the cost that double precision still tells from none, and steps in a row without it after which
-Levenberg-Marquardt looks how far the minimum is: steps are accepted and refused by chance there."""
+"""Relative decrease of the cost that double precision still tells from none, and steps in a row without it (or without
+the tolerance) after which Levenberg-Marquardt looks how far the minimum is: steps are accepted and refused by chance
+there, or go from one side of the minimum to the other where residuals bend."""
+
+SAME_COST = 1e-6
+"""Relative; costs of one problem on two machines differ less."""
 
 Solver = Literal["levenberg_marquardt", "bfgs", "lbfgsb"]
 
@@ -69,11 +73,12 @@ def solve(
     - `solver`: "levenberg_marquardt" (optimistix; uses that the cost is a sum of squares), "bfgs" (optimistix; needs
       only gradients), "lbfgsb" (jaxopt; within the bounds that `Logistic` transforms do not cover: x within 20 of the
       start).
-    - `tolerance`: relative, of x and of the cost; Levenberg-Marquardt also ends where the cost no longer falls and the
+    - `tolerance`: relative, of x and of the cost; Levenberg-Marquardt also ends where the cost hardly falls and the
       minimum is within sqrt(tolerance) standard deviations. `max_steps`: of every stage.
     - `progress`: told a `Progress` after every step. `cancelled`: asked before each; the best x so far is returned
       with the result `not_converged`.
-    - `checkpoint`: file, complete or not at all, that holds stage and x after every step; a later call goes on from
+    - `checkpoint`: file, complete or not at all, that holds stage and x after every step, and the cost of the nominal
+      values, which tells problems apart; a later call goes on from
       it, and it is removed at the end unless `keep_checkpoint`. It starts the step's damping anew.
 
     **Returns** `result` `solved`, `not_converged` (steps, cancelled) or `invalid_input` (a residual that is not
@@ -92,8 +97,9 @@ def solve(
         raise ValueError(f"solver = {solver!r}: must be 'levenberg_marquardt', 'bfgs' or 'lbfgsb'")
     begin, steps, evaluations, first = time.perf_counter(), 0, 0, 0
     result = RESULTS.solved
+    mark = float(_cost(stages[0], stages[0].parameters.start)) if checkpoint is not None else 0.0
     if checkpoint is not None and Path(checkpoint).is_file():
-        first, x = _read(Path(checkpoint), size, len(stages))
+        first, x = _read(Path(checkpoint), size, len(stages), mark)
     ended: list[float] = []
     run = bounded if solver == "lbfgsb" else _stepwise
     for number, stage in enumerate(stages):
@@ -105,7 +111,7 @@ def solve(
 
         def told(x, cost, step, number=number):
             if checkpoint is not None:
-                _write(Path(checkpoint), number, np.asarray(x))
+                _write(Path(checkpoint), number, np.asarray(x), mark)
             if progress is not None:
                 spent = time.perf_counter() - begin
                 ended.append(spent)
@@ -174,15 +180,32 @@ def _stepwise(problem, x, solver, tolerance, max_steps, told, cancelled):
     for step in range(1, max_steps + 1):
         if cancelled():
             return x, False, step - 1
+        before = x
         x, state, done, well, cost = _advance(method, function, x, problem, state)
         told(x, float(cost), step)
         if bool(done):
             return x, bool(well), step
-        still = still + 1 if last - float(cost) <= RESOLVED * float(cost) else 0
+        still = still + 1 if last - float(cost) <= max(RESOLVED, tolerance) * float(cost) else 0
+        if least and still % STILL == STILL - 1:
+            if _distance(problem, x) < tolerance**0.5:
+                return x, True, step
+            between = _between(problem, before, x, last, float(cost))
+            if between is not None:
+                x, state = between, _begin(method, function, between, problem)
         last = float(cost)
-        if least and still % STILL == STILL - 1 and _distance(problem, x) < tolerance**0.5:
-            return x, True, step
     return x, False, max_steps
+
+
+def _between(problem: Problem, before: jax.Array, after: jax.Array, last: float, cost: float) -> jax.Array | None:
+    """Least of a parabola through the cost at both ends of a step and half-way, if it lies lower than both; where steps
+    go from one side of the minimum to the other it lies close to it."""
+    middle = float(_cost(problem, 0.5 * (before + after)))
+    bend = last - 2.0 * middle + cost
+    if not (middle < cost and bend > 0):
+        return None
+    share = float(np.clip(0.5 + 0.25 * (last - cost) / bend, 0.0, 1.0))
+    found = before + share * (after - before)
+    return found if float(_cost(problem, found)) < cost else None
 
 
 def _distance(problem: Problem, x: jax.Array) -> float:
@@ -231,22 +254,22 @@ def _cost_and_gradient(problem, x):
     return jax.value_and_grad(problem.cost)(x)
 
 
-def _write(path: Path, stage: int, x: np.ndarray) -> None:
+def _write(path: Path, stage: int, x: np.ndarray, mark: float) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     try:
         with os.fdopen(handle, "wb") as file:
-            np.savez(file, stage=stage, x=x)
+            np.savez(file, stage=stage, x=x, mark=mark)
         os.replace(temporary, path)
     finally:
         Path(temporary).unlink(missing_ok=True)
 
 
-def _read(path: Path, size: int, stages: int) -> tuple[int, jax.Array]:
+def _read(path: Path, size: int, stages: int, mark: float) -> tuple[int, jax.Array]:
     try:
         with path.open("rb") as file, np.load(file) as stored:
-            stage, x = int(stored["stage"]), np.asarray(stored["x"])
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+            stage, x, found = int(stored["stage"]), np.asarray(stored["x"], float), float(stored["mark"])
+    except (OSError, ValueError, TypeError, KeyError, EOFError, BadZipFile) as error:
         raise ValueError(f"checkpoint {path} cannot be read: {error}; remove it to start anew") from error
     if x.shape != (size,):
         raise ValueError(
@@ -254,4 +277,11 @@ def _read(path: Path, size: int, stages: int) -> tuple[int, jax.Array]:
         )
     if not 0 <= stage < stages:
         raise ValueError(f"checkpoint {path} is of stage {stage}, there are {stages}; it belongs to another: remove it")
+    if not np.isclose(found, mark, rtol=SAME_COST, atol=0.0, equal_nan=True):
+        raise ValueError(
+            f"checkpoint {path} is of a problem whose nominal values cost {found:.6g}, those of this one {mark:.6g}; "
+            "it belongs to another: remove it"
+        )
+    if not np.isfinite(x).all():
+        raise ValueError(f"checkpoint {path} holds a number that is not finite; remove it to start anew")
     return stage, jnp.asarray(x)

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from icjax.fit._check_fit import far_from_prior, unusual_chi2
 from icjax.fit._design import Design
 from icjax.fit._design_figures import design_figures
 from icjax.fit._record import FitRecord
@@ -56,13 +55,13 @@ def fit_text(record: FitRecord) -> str:
         f"{len(record.windows.trial)} contacts of {len(record.trials)} trials against {record.catch_trials or 'no'} "
         f"catch trials; chi2 {record.chi2:.2f} (1 where noise and repetitions are as assumed)"
     )
-    for text in (*record.warnings, *unusual_chi2(record), *far_from_prior(record)):
+    for text in record.warnings:
         lines += wrap(f"warning: {text}", WIDTH, subsequent_indent="    ")
     return "\n".join(lines)
 
 
 def _by_period(record: FitRecord) -> list[str]:
-    """A row for every period; none where there is one."""
+    """A row for every period, and one for its ratio to the first; none where there is one."""
     periods = record.periods
     if len(periods.period_names) == 1:
         return []
@@ -77,6 +76,11 @@ def _by_period(record: FitRecord) -> list[str]:
             f"{'refused' if no else f'{value:.3g}'} {_interval(lower, upper)}"
             for value, lower, upper, no in zip(*row, strict=True)
         )
+        lines.append(f"{period:{name}s}" + "".join(f"  {cell:>24s}" for cell in cells))
+    lines.append(f"as multiples of {periods.period_names[0]}, with 95 % intervals")
+    numbers = (np.asarray(x) for x in (periods.factor, periods.factor_lower, periods.factor_upper))
+    for period, *row in list(zip(periods.period_names, *numbers, strict=True))[1:]:
+        cells = (f"{value:.3g} {_interval(lower, upper)}" for value, lower, upper in zip(*row, strict=True))
         lines.append(f"{period:{name}s}" + "".join(f"  {cell:>24s}" for cell in cells))
     return lines
 

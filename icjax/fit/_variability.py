@@ -44,11 +44,13 @@ class Variability(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """A difference of two repetitions: `s` s [sample], `difference` rad [sample, dof], `rates` of the shifts."""
+    """A difference of two repetitions: `s` s [sample], `difference` rad [sample, dof], `rates` of the shifts, and what
+    share of one it counts (less than one where the same two are compared again at another trial)."""
 
     s: Float[np.ndarray, " sample"]
     difference: Float[np.ndarray, "sample dof"]
     rates: tuple[Float[np.ndarray, "sample dof"], ...]
+    share: float = 1.0
 
 
 def matern(lag: Float[np.ndarray, "..."], length: float) -> Float[np.ndarray, "..."]:
@@ -103,19 +105,19 @@ def learn(
     centre, width = np.log([*TYPICAL, 1.0]), np.array([np.log(5.0), np.log(5.0), NOISE_SD])
     for joint in range(dofs):
         parts = [
-            _one_joint(curve, joint, noise[joint, joint], rho, shift_sd)
+            (*_one_joint(curve, joint, noise[joint, joint], rho, shift_sd), curve.share)
             for curve, rho in zip(curves, correlations, strict=True)
         ]
 
         def cost(x, parts=parts):
             scale = 2.0 * np.exp(2.0 * x)
             total, gradient = 0.5 * np.sum(((x - centre) / width) ** 2), (x - centre) / width**2
-            for y, kernels, rest in parts:
+            for y, kernels, rest, share in parts:
                 K = np.tensordot(scale, kernels, 1) + rest
                 inverse = np.linalg.inv(K)
                 z = inverse @ y
-                total += 0.5 * (y @ z + np.linalg.slogdet(K)[1])
-                gradient = gradient + scale * np.tensordot(kernels, inverse - np.outer(z, z), 2)
+                total += 0.5 * share * (y @ z + np.linalg.slogdet(K)[1])
+                gradient = gradient + share * scale * np.tensordot(kernels, inverse - np.outer(z, z), 2)
             return total, gradient
 
         bounds = [(-14.0, 0.0), (-14.0, 0.0), (-2.0, 2.0)]
@@ -144,7 +146,7 @@ def _one_joint(curve, joint, noise, correlation, shift_sd):
 
 def _missed(curves, variability, noise, correlations, shift_sd, onset) -> float:
     """Mean square of what the covariance says should have unit variance, after the onset given before."""
-    squares, count = 0.0, 0
+    squares, count = 0.0, 0.0
     for curve, rho in zip(curves, correlations, strict=True):
         K = 2.0 * covariance(curve.s, variability, noise, rho).reshape(curve.difference.size, -1)
         for rate in curve.rates:
@@ -152,5 +154,6 @@ def _missed(curves, variability, noise, correlations, shift_sd, onset) -> float:
         white = solve_triangular(np.linalg.cholesky(K), curve.difference.ravel(), lower=True)
         white = white.reshape(curve.difference.shape)
         after = curve.s > onset  # whitening in the order of time conditions every sample on those before
-        squares, count = squares + float(np.sum(white[after] ** 2)), count + int(np.sum(after)) * white.shape[1]
+        squares += curve.share * float(np.sum(white[after] ** 2))
+        count += curve.share * int(np.sum(after)) * white.shape[1]
     return squares / count if count else 1.0

@@ -24,6 +24,9 @@ BLOCK = 512
 POINT_SD = 0.5e-3
 """m; how well the place of a force sensor is known in the frame of the cameras, per axis."""
 
+SMEAR = 0.024
+"""s about an instant in which the filter shows what happened there."""
+
 FALLBACK_CUTOFF = 20.0
 """Hz, of the derivatives of angles where a recording does not say how it was filtered."""
 
@@ -56,10 +59,10 @@ class Motion(NamedTuple):
 def motion_of(recording: Recording, dofs: tuple[int, ...]) -> Motion:
     """Angles and torque of a recording in one bandwidth.
 
-    A frame is valid where pose and, while something touches, torque are known.
+    A frame is valid where the pose is known and, within `SMEAR` of it, the torque of what touches.
 
     **Errors**: `ValueError` for a compliant joint that is no hinge or slide, or a recording without a valid frame or
-    without knowledge of how exact its angles are.
+    without knowledge of how exact its angles and their offsets are.
     """
     model, columns = recording.model, list(dofs)
     cutoff = _cutoff(recording)
@@ -67,7 +70,8 @@ def motion_of(recording: Recording, dofs: tuple[int, ...]) -> Motion:
     coordinates = _coordinates(model, dofs)
     measured = np.asarray(joint_torque(recording))
     finite: np.ndarray = np.asarray(np.all(np.isfinite(np.asarray(recording.q)), axis=1))
-    valid = np.asarray(recording.valid) & finite & np.isfinite(measured).all(axis=1)
+    unknown: np.ndarray = np.asarray(np.any(~np.isfinite(measured), axis=1))
+    valid = np.asarray(recording.valid) & finite & ~_spread(unknown, SMEAR, SMEAR, rate)
     angle = np.asarray(recording.q)[:, coordinates]
     every = np.nan_to_num(measured)
     by_offset = _torque_by_offset(recording)[:, columns]
@@ -85,6 +89,11 @@ def motion_of(recording: Recording, dofs: tuple[int, ...]) -> Motion:
     offset = np.diag(np.asarray(recording.q_offset_sd) ** 2) if offset is None else np.asarray(offset)
     places = tuple(f"{contact} {axis}" for contact in recording.contact_names for axis in "xyz")
     whole = np.zeros((model.nv + len(places),) * 2)
+    if not np.isfinite(offset).all():
+        raise ValueError(
+            f"{recording.role} {recording.name!r}: q_offset_sd (or q_offset_covariance) is not finite; a fit must know "
+            "how far marker placement may be wrong"
+        )
     whole[: model.nv, : model.nv] = offset
     whole[model.nv :, model.nv :] = POINT_SD**2 * np.eye(len(places))
     return Motion(
@@ -113,9 +122,13 @@ def without_contact(motion: Motion, before: float, after: float) -> Motion:
     touched: np.ndarray = np.asarray(np.any(np.asarray(recording.touching), axis=1))
     if not touched.any():
         return motion
-    lead, tail = (int(np.ceil(seconds * recording.rate)) for seconds in (before, after))
-    spread = np.convolve(touched, np.ones(lead + tail + 1))[lead : lead + len(touched)] > 0.5
-    return motion._replace(valid=motion.valid & ~spread)
+    return motion._replace(valid=motion.valid & ~_spread(touched, before, after, recording.rate))
+
+
+def _spread(found: np.ndarray, before: float, after: float, rate: float) -> np.ndarray:
+    """Where something is found within `before` s later or `after` s earlier."""
+    lead, tail = (int(np.ceil(seconds * rate)) for seconds in (before, after))
+    return np.convolve(found, np.ones(lead + tail + 1))[lead : lead + len(found)] > 0.5
 
 
 def smoothed(motion: Motion) -> SmoothMotion:

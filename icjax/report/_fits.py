@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from icjax import view
-from icjax.fit import FitRecord, far_from_prior
+from icjax.fit import FitRecord
 from icjax.report._estimates import interval_text, true_compliance, value_text
 from icjax.report._page import Section, absent, figure, folded, note, pairs, paragraph, table, text
 
@@ -56,9 +56,8 @@ def _fit(number: int, fit: FitRecord, truth: Mapping[str, float], named: bool) -
     )
     refused = [f"{name}: refused, since {why}." for name, why in _refusals(fit)]
     body += "".join(absent(line) for line in refused)
-    told = [*fit.warnings, *far_from_prior(fit)]
-    body += note(told) if told else ""
-    body += _by_period(fit)
+    body += note(list(fit.warnings)) if fit.warnings else ""
+    body += _by_period(number, fit)
     body += figure(
         view.svg(view.plot_fit_compliance(fit, truth), f"fit-{number}-compliance", "compliance with intervals"),
         "95 % intervals of the fit and of the paper's estimate of the same session. The latter state the scatter of "
@@ -129,7 +128,7 @@ def _compliances(fit: FitRecord, truth: Mapping[str, float]) -> tuple[list[str],
     return head, rows
 
 
-def _by_period(fit: FitRecord) -> str:
+def _by_period(number: int, fit: FitRecord) -> str:
     """Compliance of every trial or contact, where it may change."""
     periods = fit.periods
     if len(periods.period_names) == 1:
@@ -139,11 +138,32 @@ def _by_period(fit: FitRecord) -> str:
         [period, *(_cell(*(float(x[row, joint]) for x in numbers)) for joint in range(len(periods.joint_names)))]
         for row, period in enumerate(periods.period_names)
     ]
-    return paragraph(
+    body = paragraph(
         "Compliance may change between these parts of the session (rad/Nm, with 95 % intervals; of refused ones the "
         "bounds); above are the geometric means. Each part is drawn to what all have in common, so that a change must "
         "show in the data."
-    ) + table(["", *periods.joint_names], rows, words=(0,))
+    )
+    numbers = [np.asarray(x) for x in (periods.factor, periods.factor_lower, periods.factor_upper)]
+    changes = [
+        [period, *(_factor(*(float(x[row, joint]) for x in numbers)) for joint in range(len(periods.joint_names)))]
+        for row, period in enumerate(periods.period_names)
+    ]
+    head = ["", *periods.joint_names]
+    first = periods.period_names[0]
+    return (
+        body
+        + table(head, rows, words=(0,))
+        + figure(
+            view.svg(view.plot_fit_periods(fit), f"fit-{number}-periods", "compliance of every part"),
+            "Compliance of every part with its 95 % interval; line and band: their geometric mean.",
+        )
+        + paragraph(f"The same as multiples of {first}, with 95 % intervals: one that holds 1 is no change.")
+        + table(head, changes[1:], words=(0,))
+    )
+
+
+def _factor(value: float, lower: float, upper: float) -> str:
+    return _whole(f"{value_text(value)} ({interval_text(lower, upper)})")
 
 
 def _cell(value: float, lower: float, upper: float, refused: float) -> str:

@@ -25,6 +25,7 @@ from icjax.view._object_plots import plot_objects as plot_objects
 from icjax.view._objects import object_colour as object_colour
 from icjax.view._pairs import Pairs as Pairs
 from icjax.view._pairs import pair_forces as pair_forces
+from icjax.view._period_plot import plot_fit_periods as plot_fit_periods
 from icjax.view._perturbation_plot import plot_perturbations as plot_perturbations
 from icjax.view._scene3d import export_scene as export_scene
 from icjax.view._sensitivity_plot import plot_sensitivity as plot_sensitivity

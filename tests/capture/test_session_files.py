@@ -165,6 +165,7 @@ def test_check_suspects_a_wrong_unit(tmp_path):
         ('catch_of = "one"', 'catch_of = "two"', "[[trial]] 'again': catch_of names the unknown trial 'two'"),
         ('catch_of = "one"', 'catch_of = "again"', "catch_of names 'again', whose role is 'catch', not 'trial'"),
         ('role = "trial"', 'role = "static"', "catch_of names 'one', whose role is 'static', not 'trial'"),
+        ('catch_of = "one"', 'catch_of = ["one", 2]', "key 'catch_of' must be the name of a trial, or a list of them"),
         ('catch_of = "one"\n', "", "needs the key 'catch_of' exactly when its role is 'catch'"),
         ('name = "again"', 'name = "one"', "trial 'one' is named twice"),
         ('role = "trial"', 'role = "rest"', "key 'role' must be one of 'trial', 'catch', 'static'"),

@@ -1,5 +1,7 @@
 """The three hinge records survive the way to a file and back, bit by bit; a failure leaves nothing behind."""
 
+import dataclasses
+
 import equinox as eqx
 import h5netcdf
 import jax
@@ -166,6 +168,11 @@ def test_a_recording_is_a_session_of_one(tmp_path):
 def test_catch_trials_are_found_by_the_trial_they_repeat():
     assert [item.name for item in session().catch_trials("trial00")] == ["catch00"]
     assert session().catch_trials("trial01") == ()
+    shared = recording("catch01", "catch", ("trial00", "trial01"))
+    both = dataclasses.replace(session(), recordings=(*session().recordings, shared))
+    assert [item.name for item in both.catch_trials("trial00")] == ["catch00", "catch01"]
+    assert [item.name for item in both.catch_trials("trial01")] == ["catch01"]
+    assert recording().repeats == ()
 
 
 def test_traced_records_are_saved_from_jax_arrays(tmp_path):

@@ -79,14 +79,38 @@ def test_catch_trial_far_off_in_time_is_not_used(small):
     np.testing.assert_allclose([w.repetitions[1].shift for w in made.windows], 0.1, atol=0.05)
 
 
-def test_copies_are_told_or_refused(small):
-    """A catch trial given to two trials is no new one; nor is one with a rounded number; a trial twice is refused."""
+def test_a_catch_trial_of_two_trials_counts_once(small):
+    """Stated as a list or as a copy with another name: the mean errs alike at both trials, so that its variance counts
+    twice among contacts that are taken for independent."""
     trial, catch, other = small.recordings[:3]
     again = dataclasses.replace(trial, name="again", q=np.asarray(trial.q) + 1e-3)
     lent = dataclasses.replace(catch, name="lent", catch_of="again")
-    both = dataclasses.replace(small, recordings=(trial, catch, other, again, lent))
-    (line,) = session_problem(both).left_out
-    assert line.startswith("catch trials of different trials hold the same movement ('catch00' and 'lent')")
+    shared = dataclasses.replace(catch, catch_of=("trial00", "again"))
+    copied = session_problem(dataclasses.replace(small, recordings=(trial, catch, other, again, lent)))
+    stated = session_problem(dataclasses.replace(small, recordings=(trial, shared, other, again)))
+    for made in (copied, stated):
+        assert made.left_out == ()
+        assert [[item.trials for item in window.repetitions] for window in made.windows] == 3 * [[2, 1]] + 3 * [[2]]
+        np.testing.assert_allclose([_contacts.of_mean(window) for window in made.windows], 3 * [0.75] + 3 * [2.0])
+        np.testing.assert_allclose(
+            [_contacts.apparent(window) for window in made.windows],
+            3 * [(1.5 / 1.75) ** 0.5] + 3 * [(2.0 / 3.0) ** 0.5],
+        )
+    np.testing.assert_allclose(
+        copied.problem.measurements[0].whitening, stated.problem.measurements[0].whitening, rtol=1e-9, atol=1e-12
+    )
+    apart = session_problem(dataclasses.replace(small, recordings=(trial, catch, other)))
+    window, motion = apart.windows[0], apart.motions["trial00"]
+    own = _contacts.repeated_covariance(motion, window, stated.expected)
+    doubled = _contacts.repeated_covariance(motion, stated.windows[0], stated.expected)
+    np.testing.assert_allclose(doubled, own * 1.75 / 1.5, rtol=1e-12)
+
+
+def test_copies_are_refused(small):
+    """A catch trial with a rounded number is no new one, and no trial twice."""
+    trial, catch, other = small.recordings[:3]
+    again = dataclasses.replace(trial, name="again", q=np.asarray(trial.q) + 1e-3)
+    both = dataclasses.replace(small, recordings=(trial, catch, other, again))
     with pytest.raises(ValueError, match="'trial00' and 'again' have one name or hold the same angles"):
         session_problem(
             dataclasses.replace(both, recordings=(*both.recordings[:3], dataclasses.replace(again, q=trial.q)))
@@ -117,6 +141,33 @@ def test_contacts_left_out_are_told(small):
         session_problem(dataclasses.replace(small, recordings=(trial, *few)))
 
 
+def test_a_contact_stated_too_late_is_left_out(small):
+    """By 150 ms: its force was taken for none, and the movement under it for free."""
+    trial = small.recordings[0]
+    late = eqx.tree_at(lambda item: item.events.onset, trial, np.asarray(trial.events.onset) + [0.0, 0.06, 0.0])
+    with pytest.raises(ValueError, match="1 of 3 contacts are left out: 1 are pushed before their stated onset"):
+        session_problem(dataclasses.replace(small, recordings=(late, *small.recordings[1:])))
+
+
+def test_frames_must_be_evenly_spaced(small):
+    time = np.array(small.recordings[2].time)
+    time[700:] += 0.3
+    with pytest.raises(ValueError, match=r"catch 'catch00_2': frame 701 comes 0\.30\d* s after the one before"):
+        session_problem(changed(small, 2, time=time))
+
+
+def test_force_unknown_near_a_window(small):
+    """The filter carries a gap of the force into the frames beside it."""
+    trial = small.recordings[0]
+    onset = round((trial.events.onset[1] - trial.time[0]) * trial.rate)
+    force = np.array(trial.contact_force)
+    force[onset + 58] = np.nan  # 116 ms after onset; 100 are compared
+    found = session_problem(changed(small, 0, contact_force=force), FitOptions(after=0.09)).left_out
+    assert found == ()
+    with pytest.raises(ValueError, match="1 have frames without pose or force"):
+        session_problem(changed(small, 0, contact_force=force))
+
+
 def test_sessions_that_cannot_be_fitted(small):
     trial, catch = small.recordings[:2]
     with pytest.raises(ValueError, match="catch 'catch00' holds the same angles as trial 'trial00'"):
@@ -129,6 +180,10 @@ def test_sessions_that_cannot_be_fitted(small):
         session_problem(dataclasses.replace(small, recordings=(trial, shortened(catch, 1))))
     with pytest.raises(ValueError, match="trial 'trial00': q_covariance is not finite"):
         session_problem(changed(small, 0, q_covariance=np.full_like(trial.q_covariance, np.nan)))
+    with pytest.raises(ValueError, match="trial 'trial00': q_offset_sd .* is not finite"):
+        session_problem(
+            changed(small, 0, q_offset_sd=np.full_like(trial.q_offset_sd, np.nan), q_offset_covariance=None)
+        )
     other = dataclasses.replace(trial, name="other", contact_names=("glass",))
     with pytest.raises(ValueError, match="'other': its contacts are glass, those of 'trial00' plate"):
         session_problem(dataclasses.replace(small, recordings=(trial, other)))
@@ -186,7 +241,8 @@ def test_frames_near_a_touch_do_not_count(small):
     catch = small.recordings[1]
     touching = np.zeros_like(np.asarray(catch.touching))
     touching[500:503] = True
-    motion = motion_of(dataclasses.replace(catch, touching=touching), DOFS)
+    point = np.nan_to_num(np.asarray(catch.contact_point))
+    motion = motion_of(dataclasses.replace(catch, touching=touching, contact_point=point), DOFS)
     valid = without_contact(motion, 0.02, 0.1).valid
     np.testing.assert_array_equal(np.flatnonzero(~valid), np.arange(490, 553))
 
@@ -206,6 +262,8 @@ def test_units_do_not_make_directions_blind():
         ({"settle": 150.0}, "settle"),
         ({"shift_sd": 15.0}, "shift_sd"),
         ({"spacing": 8.0}, "spacing"),
+        ({"spacing": 1e-12}, "spacing"),
+        ({"shift_sd": 0.0}, "shift_sd"),
         ({"compliance_sd": 0.1}, "compliance_sd = 0.1 with widest = 4.0: must be at least 0.71"),
         ({"widest": 100.0}, "with widest = 100.0"),
     ],

@@ -77,10 +77,17 @@ def test_progress_cancel_and_resume(tmp_path):
 
 def test_a_checkpoint_of_another_problem(tmp_path):
     file = tmp_path / "fit.npz"
-    np.savez(file, stage=0, x=np.zeros(5))
+    cost = float(decay().cost(decay().parameters.start))
+    np.savez(file, stage=0, x=np.zeros(5), mark=cost)
     with pytest.raises(ValueError, match="belongs to another"):
         solve(decay(), checkpoint=file)
-    np.savez(file, stage=1, x=np.zeros(2))
+    np.savez(file, stage=0, x=np.zeros(2), mark=1.1 * cost)
+    with pytest.raises(ValueError, match="nominal values cost .* belongs to another"):
+        solve(decay(), checkpoint=file)
+    np.savez(file, stage=0, x=np.array([0.0, np.nan]), mark=cost)
+    with pytest.raises(ValueError, match="not finite"):
+        solve(decay(), checkpoint=file)
+    np.savez(file, stage=1, x=np.zeros(2), mark=cost)
     with pytest.raises(ValueError, match="is of stage 1, there are 1"):  # it had passed for solved, without a step
         solve(decay(), checkpoint=file)
     whole = file.read_bytes()

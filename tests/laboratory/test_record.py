@@ -60,8 +60,8 @@ def test_session_file_is_understood_by_the_capture(recorded):
     _, paths = recorded
     spec = read_session(paths.session)
     assert [(trial.name, trial.role, trial.catch_of) for trial in spec.trials] == [
-        ("trial00", "trial", None),
-        ("catch00", "catch", "trial00"),
+        ("trial00", "trial", ()),
+        ("catch00", "catch", ("trial00",)),
     ]
     assert all(trial.touches == (("plate", "fingertip"),) for trial in spec.trials)
 

@@ -26,6 +26,10 @@ def test_compliance_by_trial():
         lower=np.array([[0.18, 0.1], [0.27, 0.5]]),
         upper=np.array([[0.22, 2.9], [0.36, 1.3]]),
         refused=np.array([[False, True], [False, False]]),
+        factor=np.array([[1.0, 1.0], [1.56, 1.33]]),
+        factor_lower=np.array([[1.0, 1.0], [1.3, 0.4]]),
+        factor_upper=np.array([[1.0, 1.0], [1.9, np.inf]]),
+        learned=np.array([[0.9, 0.2], [0.9, 0.5]]),
     )
     page = _fit(0, dataclasses.replace(fit, periods=periods), {}, named=False)
     assert "may change between" in page
@@ -35,6 +39,8 @@ def test_compliance_by_trial():
     lines = fit_text(dataclasses.replace(fit, periods=periods))
     rows = [line.split() for line in lines.splitlines() if line.startswith("trial0")]
     assert rows[0] == ["trial00", "0.2", "[0.18,", "0.22]", "refused", "[0.1,", "2.9]"]
+    assert rows[2] == ["trial01", "1.56", "[1.3,", "1.9]", "1.33", ">", "0.4"]
+    assert "1.56" in page
     assert rows[1] == ["trial01", "0.312", "[0.27,", "0.36]", "0.8", "[0.5,", "1.3]"]
     broken = dataclasses.replace(periods, lower=periods.lower + 1.0)
     assert any("of a period" in line for line in check_fit(dataclasses.replace(fit, periods=broken)))

@@ -41,6 +41,10 @@ def make_fit(name: str = "session", refused: tuple[str, ...] = ("", REASON)) -> 
             lower=lower[None],
             upper=upper[None],
             refused=np.array([[bool(reason) for reason in refused]]),
+            factor=np.ones((1, len(JOINTS))),
+            factor_lower=np.ones((1, len(JOINTS))),
+            factor_upper=np.ones((1, len(JOINTS))),
+            learned=np.array([[0.99, 0.6]]),
         ),
         parameters=FittedParameters(
             parameter_names=("compliance wrist", "compliance MP", "sensor delay"),

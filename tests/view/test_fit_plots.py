@@ -7,6 +7,7 @@ import pytest
 from view.example_fit import make_fit
 
 from icjax import view
+from icjax.fit import FitPeriods
 
 
 @pytest.fixture(scope="module")
@@ -65,3 +66,22 @@ def test_white_residuals_have_a_flat_spectrum(fit):
 def test_unknown_joint_is_named(fit):
     with pytest.raises(ValueError, match="'thumb'"):
         view.plot_fit_response(fit, ("thumb",))
+
+
+def test_a_refused_period_has_no_mark(fit):
+    number = np.array([[0.2, 0.6], [0.3, 0.8], [0.3, 0.7]])
+    periods = FitPeriods(
+        ("trial00", "trial01", "trial02"),
+        fit.joint_names,
+        number,
+        0.9 * number,
+        np.array([[0.22, np.inf], [0.33, 0.9], [0.33, 0.8]]),
+        np.array([[False, True], [False, False], [False, False]]),
+        number / number[0],
+        0.8 * number / number[0],
+        1.2 * number / number[0],
+        0.5 * np.ones((3, 2)),
+    )
+    axes = view.plot_fit_periods(dataclasses.replace(fit, periods=periods)).axes
+    marks = [len([item for item in axis.lines if item.get_marker() == "o"]) for axis in axes]
+    assert marks == [3, 2]
