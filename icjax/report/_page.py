@@ -71,6 +71,7 @@ PLAYER = """
     frame.srcdoc=start+scenes[k]+end;
   }
   tabs.forEach((tab,k)=>tab.addEventListener("click",()=>show(k)));
+  document.getElementById("scene-dark").hidden=!!document.createElement("canvas").getContext("webgl2");
   show(0);
 })();
 """
@@ -203,7 +204,10 @@ def player(names: Sequence[str], pages: Sequence[str]) -> tuple[str, str]:
         for index, name in enumerate(names)
     )
     frame = f'<div class="tabs" id="scene-tabs" role="tablist">{buttons}</div>'
-    frame += '<iframe id="scene" title="3-D view with time bar"></iframe>'
+    frame += '<iframe id="scene" title="3-D view with time bar"></iframe><div id="scene-dark" hidden>'
+    frame += (
+        absent("This browser draws nothing in 3-D (WebGL is off or missing): the frame above stays empty.") + "</div>"
+    )
     script = Template(PLAYER).substitute(
         start=script_text(parts[0][0] + parts[0][1]),
         end=script_text(parts[0][3]),

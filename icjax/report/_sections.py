@@ -82,8 +82,10 @@ def _has_pose(item: Recording | Interaction | Rollout) -> bool:
     return bool(np.isfinite(np.asarray(item.q, dtype=float)).all(axis=1).any())
 
 
-def motion(recordings: Recordings, interactions: Interactions) -> Section:
-    """Angles with the reference, and the recording's quality."""
+def motion(recordings: Recordings, interactions: Interactions, fitted: bool = False) -> Section | None:
+    """Angles with the reference, and the recording's quality; None of fits alone, which hold their own windows."""
+    if fitted and not recordings and not interactions:
+        return None
     body = ""
     if interactions and view.scalar_joints(interactions[0].model):
         valid = next((item.valid for item in recordings if item.name == interactions[0].name), None)
@@ -97,7 +99,7 @@ def motion(recordings: Recordings, interactions: Interactions) -> Section:
         model = interactions[0].model
         kinds = zip(model.joint_names, model.joint_types, strict=True)
         body += not_drawn(model, [name for name, kind in kinds if kind == "ball"])
-    else:
+    elif not fitted:
         body += absent("No interaction was given, so there is no reference trajectory to show.")
     if recordings:
         first = next((item for item in recordings if item.role == "trial"), recordings[0])

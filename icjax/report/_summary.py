@@ -79,7 +79,9 @@ def _fit_lead(fit: FitRecord) -> str:
         f"{joint} {'refused' if refused else _number(float(value))}"
         for joint, value, refused in zip(fit.joint_names, fit.compliance, fit.refused, strict=True)
     ]
-    listed = f": {', '.join(found)} rad/Nm." if len(found) <= 6 else f"; the table lists {len(found)}."
+    listed = f": {', '.join(found)} rad/Nm" if len(found) <= 6 else f"; the table lists {len(found)}"
+    parts = len(fit.periods.period_names)
+    listed += f" (geometric means of {parts} parts in which it may differ)." if parts > 1 else "."
     against = _count(fit.catch_trials, "catch trial") if fit.catch_trials else "what was foretold (no catch trials)"
     return (
         f"All contacts of the session {fit.name} together, held against {against}, "

@@ -109,7 +109,7 @@ class Report:
         self._sections = [
             *(estimated if interactions or not fits else []),  # a fit holds the estimate too
             self._drawn(fit_section, self._fits, metrics),
-            self._drawn(motion, self._recordings, self._interactions),
+            self._drawn(motion, self._recordings, self._interactions, bool(fits)),
         ]
         if first is not None:
             self._views.append((first[0], self._drawn(view_page, first[1])))
@@ -135,13 +135,16 @@ class Report:
         name = self._name or next((item.name for item in (*interactions, *rollouts, *fits)), "nothing")
         if not self._sections:
             self.measured()
-        transferred = [self._drawn(forces, interactions, rollouts), self._drawn(objects, rollouts)]
+        estimated_only = bool(fits) and not rollouts  # nobody asked for a transfer
+        transferred = [] if estimated_only else [self._drawn(forces, interactions, rollouts)]
+        transferred.append(self._drawn(objects, rollouts))
         frame, script = scene([(name, drawn.result()) for name, drawn in self._views], rollouts)
         found = [drawn.result() for drawn in (*self._sections, *transferred)]
+        alone = bool(fits) and not (recordings or interactions or rollouts)
         sections = [
-            frame,
+            *([] if alone else [frame]),
             *(section for section in found if section is not None),
-            rollout_table(rollouts),
+            *([] if estimated_only else [rollout_table(rollouts)]),
             provenance(recordings, (*interactions, *fits), rollouts, metrics, versions or installed_versions(), seed),
         ]
         header = f'<p class="lead">{text(lead(recordings, interactions, rollouts, simulated, fits))}</p>'

@@ -239,3 +239,11 @@ def test_fit_alone(tmp_path):
             assert f'id="fit-{number}-{figure}-' in page
     assert "That variance was multiplied by 1.20" in page
     assert "compliance wrist" in page
+
+
+def test_a_fit_has_no_sections_of_others(tmp_path):
+    """Nobody asked for what a fit has no part in."""
+    text = write_report(tmp_path / "report.html", fits=(make_fit(),)).read_text(encoding="utf-8")
+    assert "was given" not in text
+    assert "Nothing to show" not in text
+    assert "Fit of the whole session" in text
