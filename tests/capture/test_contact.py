@@ -20,7 +20,7 @@ EXACT = 1e-12
 FLOOR = SurfaceSpec(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0))
 TURN = ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0))
 SESSION = Path("session.toml")
-TRIAL = TrialSpec("t", "trial", None, Path("t.c3d"), None, (("plate", "pad"),), None, None)
+TRIAL = TrialSpec("t", "trial", (), Path("t.c3d"), None, (("plate", "pad"),), None, None)
 SOURCE = SourceSpec(
     name="plate",
     kind="six_axis",

@@ -147,12 +147,6 @@ def test_verb_is_interrupted_and_goes_on(session, recorded, tmp_path, capsys, mo
     same(found.paper, recorded.paper)
     assert fit_text(found) in told
     assert main(["check", str(path)]) == 0
-    bare = dataclasses.replace(session, recordings=session.trials())
-    bare.save(tmp_path / "bare.nc")
-    assert main(["fit", str(tmp_path / "bare.nc"), "--out", str(tmp_path / "out")]) == 0
-    told = capsys.readouterr().out
-    assert "against no catch trials" in told
-    assert "catch trials are what is missing" in told
 
 
 def test_made_up_record(tmp_path):

@@ -6,7 +6,7 @@ import jax
 import numpy as np
 import pytest
 
-from icjax.fit import check_fit, fit_record, fit_session
+from icjax.fit import check_fit, fit_record, fit_session, fit_text
 from icjax.fit._dynamic import Common
 from icjax.fit._planned_movement import GRID, STILL, PlannedMovement, learn_movement, pace
 from icjax.fit._variability import FAST, matern
@@ -92,6 +92,9 @@ def test_without_catch_trials(session, fit):
     assert "catch trials are what is missing" in found.warnings[0]
     assert not any("catch" in text for text in fit.warnings)
     record = fit_record(found, alone)
+    told = " ".join(fit_text(record).split())
+    assert "against no catch trials" in told
+    assert "catch trials are what is missing" in told
     assert record.catch_trials == 0
     assert np.isnan(record.variability).all()
     assert np.isfinite(record.planned_movement).all()
