@@ -35,7 +35,7 @@ def _session(path: Path) -> list[str]:
 
 def _record(path: Path) -> list[str]:
     from icjax.files import FileError, layout_problems, record_kind
-    from icjax.fit import FitRecord, check_fit
+    from icjax.fit import FitRecord
     from icjax.interaction import Interaction
     from icjax.recording import Recording, Session
     from icjax.rollout import Rollout
@@ -47,6 +47,18 @@ def _record(path: Path) -> list[str]:
     problems = layout_problems(path, kinds[kind])
     if problems:
         return [f"error: {problem}" for problem in problems]
+    try:
+        return _contents(path, kind)
+    except (TypeError, AttributeError, IndexError, KeyError, ZeroDivisionError) as error:
+        return [f"error: a field holds something else than it should: {error}"]
+
+
+def _contents(path: Path, kind: str) -> list[str]:
+    from icjax.fit import FitRecord, check_fit
+    from icjax.interaction import Interaction
+    from icjax.recording import Session
+    from icjax.rollout import Rollout
+
     if kind == "Interaction":
         from icjax.estimation import check_interaction
 

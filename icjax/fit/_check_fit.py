@@ -1,5 +1,6 @@
 """Does a stored fit agree with itself, and what does it warn of?"""
 
+import json
 from collections.abc import Iterator
 
 import numpy as np
@@ -58,7 +59,7 @@ def _findings(fit: FitRecord) -> Iterator[tuple[str, str]]:
         ("compliance", periods.lower, periods.compliance, periods.upper),
         ("factor", periods.factor_lower, periods.factor, periods.factor_upper),
     ):
-        if not np.all((low <= value) & (value <= high)):
+        if not np.all((low >= 0) & (low <= value) & (value <= high)):
             yield "error", f"the {what} of a period is not within its own interval"
     parameters = fit.parameters
     for name, value, low, high in zip(
@@ -100,6 +101,19 @@ def _agreeing(fit: FitRecord) -> Iterator[tuple[str, str]]:
     ):
         if not np.all((np.asarray(learned) >= -ROUNDING) & (np.asarray(learned) <= 1 + ROUNDING)):
             yield "error", f"learned{name} is no share"
+    if len(periods.period_names) == 1 and not np.allclose(periods.compliance[0], fit.compliance, rtol=1e-9):
+        yield "error", "its one period has other compliances than the fit"
+    for name, value in (
+        ("sd of a parameter", parameters.sd), ("noise", fit.noise), ("inflation", fit.inflation),
+        ("planned_inflation", fit.planned_inflation), ("repetitions", fit.windows.repetitions),
+    ):  # fmt: skip
+        if np.any(np.asarray(value, float) < 0):
+            yield "error", f"{name} is negative"
+    for field in ("options", "provenance"):
+        try:
+            json.loads(getattr(fit, field))
+        except ValueError:
+            yield "error", f"{field} is no JSON text"
     unknown = sorted(set(fit.windows.trial) - set(fit.trials))
     if unknown:
         yield "error", f"its windows are of trials that it does not name: {', '.join(unknown)}"
@@ -142,5 +156,7 @@ def _windows(windows: FitWindows) -> Iterator[tuple[str, str]]:
         apart = np.abs(windows.angle - windows.deviation - windows.reference)[number, used]
         if not np.all(apart < ROUNDING):
             yield "error", f"{where}: reference is not the measured angle less the deviation"
+        if not np.all(np.isfinite(windows.residual[number, used])):
+            yield "error", f"{where}: a residual is not a number"
         if not np.all(windows.reference_sd[number, used] >= 0):
             yield "error", f"{where}: a standard deviation of the reference is negative or not a number"
