@@ -4,7 +4,6 @@ import gc
 import importlib.util
 import mmap
 import os
-from collections import Counter
 from pathlib import Path
 
 
@@ -30,26 +29,22 @@ import jax
 import jaxtyping
 import pytest
 
-SHARED = {"fit", "mixed", "recorded"}
-"""Fixtures made from one fitted session, which takes a minute."""
+MOST_MAPPINGS = 40_000
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
 _CHECKED = jaxtyping.install_import_hook("icjax", "beartype.beartype")
 
 
-def pytest_collection_modifyitems(config, items):
-    """A file's tests share a worker, and with it what they prepare; so do all that look at the one fit of `fit`. What
-    has most slow tests begins, so that no worker waits for the other in the end."""
-    group = {
-        item: "fit" if item.path.parent.name == "fit" and SHARED & set(item.fixturenames) else str(item.path)
-        for item in items
-    }
-    slow = Counter(group[item] for item in items if item.get_closest_marker("slow"))
-    items.sort(key=lambda item: (-slow[group[item]], group[item]))
-    if config.pluginmanager.hasplugin("xdist"):
-        for item in items:
-            item.add_marker(pytest.mark.xdist_group(group[item]))
+@pytest.fixture(autouse=True, scope="module")
+def _room_for_programs():
+    """Forget compiled programs before they fill the process' table of mappings, thousands a file of tests: at
+    65 530 Linux gives no more memory, and XLA ends in a segmentation fault."""
+    yield
+    mappings = Path("/proc/self/maps")
+    if mappings.is_file() and mappings.read_bytes().count(b"\n") > MOST_MAPPINGS:
+        jax.clear_caches()
+        gc.collect()
 
 
 @pytest.fixture(scope="session")
