@@ -143,7 +143,7 @@ def _windows(fit: SessionFit) -> FitWindows:
         residual[number, :count] = data[number, :count]
         onset.append(float(np.asarray(motion.recording.events.onset)[window.event]))
     drifted = drift(fit, residual)
-    residual *= 1.0 / np.array([apparent(window) for window in made.windows])[:, None, None]
+    residual /= np.array([apparent(window) for window in made.windows])[:, None, None]
     return FitWindows(
         trial=tuple(window.trial for window in made.windows),
         joint_names=made.dof_names,

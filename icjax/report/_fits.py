@@ -157,7 +157,7 @@ def _by_period(number: int, fit: FitRecord) -> str:
             view.svg(view.plot_fit_periods(fit), f"fit-{number}-periods", "compliance of every part"),
             "Compliance of every part with its 95 % interval; line and band: their geometric mean.",
         )
-        + paragraph(f"The same as multiples of {first}, with 95 % intervals: one that holds 1 is no change.")
+        + paragraph(f"The same as multiples of {first}, with 95 % intervals. One in twenty leaves out 1 by chance.")
         + table(head, changes[1:], words=(0,))
     )
 
