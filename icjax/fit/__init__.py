@@ -9,7 +9,6 @@ from icjax.fit._design import Expectation as Expectation
 from icjax.fit._design import design as design
 from icjax.fit._design_figures import design_figures as design_figures
 from icjax.fit._dynamic import DynamicEquilibrium as DynamicEquilibrium
-from icjax.fit._dynamic import response as response
 from icjax.fit._joints import JointFit as JointFit
 from icjax.fit._make_record import fit_record as fit_record
 from icjax.fit._options import FitOptions as FitOptions
@@ -32,6 +31,7 @@ from icjax.fit._record import FittedParameters as FittedParameters
 from icjax.fit._record import FitWindows as FitWindows
 from icjax.fit._reference import Reference as Reference
 from icjax.fit._reference import contact_free as contact_free
+from icjax.fit._response import response as response
 from icjax.fit._result import SessionFit as SessionFit
 from icjax.fit._result import fit_session as fit_session
 from icjax.fit._rollout_forces import ContactForces as ContactForces

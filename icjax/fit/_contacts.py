@@ -1,5 +1,6 @@
 """Contacts of a session as rows of a dynamic equilibrium: what would have happened without them, and how surely."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -167,12 +168,16 @@ def _against_expected(motion: Motion, window: Window, expected: Expected, option
     return angle - mean, repeated_covariance(motion, window, expected) + U @ U.T
 
 
-def repeated_covariance(motion: Motion, window: Window, expected: Expected) -> Float[np.ndarray, "row row"]:
-    """Of a trial's angles less the mean of its repetitions, rad^2 [sample * dof, sample * dof], were none shifted."""
+def repeated_covariance(
+    motion: Motion, window: Window, expected: Expected, joints: Sequence[int] | None = None
+) -> Float[np.ndarray, "row column"]:
+    """Of a trial's angles less the mean of its repetitions, rad^2 [sample * dof, sample * joint], were none shifted;
+    `joints` those of the columns, default all."""
     assert expected.variability is not None
     s = (window.samples - window.onset) / motion.recording.rate
-    count, rho = len(s) * len(expected.noise), _correlation(motion, window.samples)
-    return (1.0 + of_mean(window)) * covariance(s, expected.variability, expected.noise, rho).reshape(count, count)
+    rows, rho = len(s) * len(expected.noise), _correlation(motion, window.samples)
+    K = covariance(s, expected.variability, expected.noise, rho, joints)
+    return (1.0 + of_mean(window)) * K.reshape(rows, -1)
 
 
 def of_mean(window: Window) -> float:
@@ -192,12 +197,15 @@ def apparent(window: Window) -> float:
     return float(np.sqrt((1.0 + 1.0 / len(window.repetitions)) / (1.0 + of_mean(window))))
 
 
-def planned_covariance(motion: Motion, window: Window, expected: Expected) -> Float[np.ndarray, "row row"]:
-    """Of a trial's angles as they are foretold, rad^2 [sample * dof, sample * dof]; what contacts share not counted."""
+def planned_covariance(
+    motion: Motion, window: Window, expected: Expected, joints: Sequence[int] | None = None
+) -> Float[np.ndarray, "row column"]:
+    """Of a trial's angles as they are foretold, rad^2 [sample * dof, sample * joint], what contacts share not counted;
+    `joints` those of the columns, default all."""
     assert expected.movement is not None
     s = (window.samples - window.onset) / motion.recording.rate
     angle, rho = motion.angle[window.samples], _correlation(motion, window.samples)
-    return expected.movement.covariance(s, pace(s, angle), expected.noise, rho).reshape(angle.size, -1)
+    return expected.movement.covariance(s, pace(s, angle), expected.noise, rho, joints).reshape(angle.size, -1)
 
 
 def shifts(window: Window, options: FitOptions) -> Float[np.ndarray, "row repetition"]:
@@ -213,10 +221,14 @@ def systematic(modes: tuple[np.ndarray, list[np.ndarray]], s: np.ndarray, speeds
     result = np.zeros((len(s), len(of), sum(part.shape[1] for part in of)))
     begin = 0
     for joint, part in enumerate(of):
-        for mode in range(part.shape[1]):
-            result[:, joint, begin + mode] = speeds[joint] * np.interp(s, at, part[:, mode])
+        result[:, joint, begin : begin + part.shape[1]] = speeds[joint] * at_times(s, at, part)
         begin += part.shape[1]
     return result
+
+
+def at_times(s: np.ndarray, at: np.ndarray, modes: np.ndarray) -> np.ndarray:
+    """Modes of one joint at other times [time, mode]."""
+    return np.stack([np.interp(s, at, column) for column in modes.T], axis=1)
 
 
 def unexplained(whitening: np.ndarray, window: Window, rate: float, dofs: int) -> tuple[np.ndarray, np.ndarray]:

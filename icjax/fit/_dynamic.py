@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from icjax.fit._parameters import Values
+from icjax.fit._response import response
 from icjax.typing import Float, Int, Real
 
 
@@ -119,7 +120,7 @@ class DynamicEquilibrium(eqx.Module):
         if self.carried_doubt is not None:
             doubt = jnp.asarray(self.carried_doubt) @ values["carried"]
             torque = torque - jnp.einsum("etsi,s->eti", doubt, values["inertia"])
-        inertia = tuple(jnp.einsum("etsij,s->etij", jnp.asarray(part), values["inertia"]) for part in self.inertia)
+        inertia = tuple(jnp.asarray(part) for part in self.inertia)
         C = jnp.asarray(values["compliance"])
         C = jnp.broadcast_to(C, (len(torque), *C.shape)) if self.period is None else C[jnp.asarray(self.period)]
         return jax.vmap(
@@ -133,33 +134,6 @@ class DynamicEquilibrium(eqx.Module):
         flat = left.reshape(left.shape[0], -1)
         white = jnp.ravel(jnp.einsum("eij,ej->ei", jnp.asarray(self.whitening), flat))
         return white if self.common is None else self.common.whitened(white)
-
-
-def response(
-    inertia: tuple[Any, Any, Any], torque: Float[Real, "frame dof"], values: Values, armature: Any, step: float
-) -> Float[Real, "frame dof"]:
-    """e of a torque by the implicit midpoint rule, from rest at the first frame.
-
-    **Arguments**: `inertia` (G, N, M) of every frame; `values` with "compliance" and "damping time"; `step` s.
-    """
-    C = values["compliance"]
-    K = jnp.diag(1.0 / C) if C.ndim == 1 else jnp.linalg.inv(C)
-    B = jnp.diag(values["damping time"] * jnp.diagonal(K))
-    stiffness, damping, mass = (0.5 * (part[1:] + part[:-1]) for part in inertia)
-    tau = 0.5 * (torque[1:] + torque[:-1])
-
-    def advance(carry, now):
-        e, v = carry
-        G, N, M, push = now
-        S, D, M = G + K, N + B, M + jnp.diag(jnp.asarray(armature))
-        a = jnp.linalg.solve(M + 0.5 * step * D + 0.25 * step**2 * S, push - D @ v - S @ (e + 0.5 * step * v))
-        after = v + step * a
-        e = e + 0.5 * step * (v + after)
-        return (e, after), e
-
-    still = jnp.zeros(torque.shape[1], torque.dtype)
-    _, e = jax.lax.scan(advance, (still, still), (stiffness, damping, mass, tau))
-    return jnp.concatenate([still[None], e])
 
 
 def whitener(covariance: np.ndarray, used: np.ndarray) -> np.ndarray:

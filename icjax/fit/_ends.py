@@ -55,12 +55,15 @@ def likelihood_ends(
     v, sd = along @ S / np.where(seen, size, 1.0)[:, None], np.sqrt(np.where(seen, size, 1.0))
     apart, own = _own_prior(problem, x, along)
 
-    def f(t: np.ndarray) -> np.ndarray:
-        """Of one t of every number."""
-        return np.asarray(_costs(problem, jnp.asarray(x + t[:, None] * v))) - 0.5 * own * (apart + t) ** 2
+    def f(t: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+        """Of one t of every number that is wanted."""
+        costs = np.asarray(_costs(problem, jnp.asarray(x + t[:, None] * v), jnp.asarray(wanted)))
+        return costs - 0.5 * own * (apart + t) ** 2
 
-    least, at = _least(np.stack([f(step * sd) for step in LEAST_AT]), sd)
-    low, high = (np.where(seen, at + sign * _distance(f, at, sign, sd, least), sign * np.inf) for sign in (-1.0, 1.0))
+    least, at = _least(np.stack([f(step * sd, seen) for step in LEAST_AT]), sd)
+    low, high = (
+        np.where(seen, at + sign * _distance(f, at, sign, sd, least, seen), sign * np.inf) for sign in (-1.0, 1.0)
+    )
     return tuple(along @ x + np.where(np.abs(end) > FARTHEST, np.copysign(np.inf, end), end) for end in (low, high))
 
 
@@ -89,16 +92,16 @@ def _least(f: Float[np.ndarray, "step number"], sd: np.ndarray) -> tuple[np.ndar
     return np.minimum(lowest, np.min(f, axis=0)), (LEAST_AT[best] + spacing * step) * sd
 
 
-def _distance(f: Any, at: np.ndarray, sign: float, sd: np.ndarray, least: np.ndarray) -> np.ndarray:
+def _distance(f: Any, at: np.ndarray, sign: float, sd: np.ndarray, least: np.ndarray, seen: np.ndarray) -> np.ndarray:
     """How far from the minimum the root of the rise is 1.96, by the secant method, always between what is inside and
     what is outside; infinite where it never is."""
     t = QUANTILE * sd
     inside, reached, outside = np.zeros(len(t)), np.zeros(len(t)), np.full(len(t), np.inf)
-    found = np.zeros(len(t), bool)
+    found = ~seen
     for _ in range(MOST_STEPS):
-        rise = f(at + sign * t) - least
+        rise = f(at + sign * t, ~found) - least
         root = np.where(np.isfinite(rise), np.sqrt(2.0 * np.maximum(np.nan_to_num(rise), 0.0)), np.inf)
-        found = np.abs(root - QUANTILE) < CLOSE
+        found = found | (np.abs(root - QUANTILE) < CLOSE)
         if found.all():
             break
         within, slope = root < QUANTILE, (root - reached) / np.maximum(t - inside, 1e-300)
@@ -114,8 +117,14 @@ def _distance(f: Any, at: np.ndarray, sign: float, sd: np.ndarray, least: np.nda
 
 
 @eqx.filter_jit
-def _costs(problem: Problem, x: jax.Array) -> jax.Array:
-    return jax.lax.map(problem.cost, x)
+def _costs(problem: Problem, x: jax.Array, wanted: jax.Array) -> jax.Array:
+    """Zero where it is not wanted."""
+
+    def one(of):
+        x, wanted = of
+        return jax.lax.cond(wanted, lambda: problem.cost(x), lambda: jnp.zeros((), x.dtype))
+
+    return jax.lax.map(one, (x, wanted))
 
 
 @eqx.filter_jit

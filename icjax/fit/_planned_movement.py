@@ -1,13 +1,21 @@
 """What a movement without catch trials would have done after contact: a Gaussian process learnt from free movement."""
 
-from functools import partial
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
-from icjax.fit._variability import FAST, JITTER, NOISE_SD, curvature_inverse, matern
+from icjax.fit._variability import (
+    FAST,
+    JITTER,
+    NOISE_SD,
+    curvature_inverse,
+    matern,
+    matern_by_length,
+    with_noise,
+)
 from icjax.fit._windows import Motion
 from icjax.typing import Float
 
@@ -26,9 +34,6 @@ ANYWHERE = 1.0
 
 MODES = 6
 """Of the systematic part of each joint; the sixth has a hundredth of the first one's standard deviation or less."""
-
-STEP = 0.03
-"""Of logarithms, in differences of the cost."""
 
 GRID = 0.004
 """s between the times at which these modes are computed."""
@@ -65,20 +70,23 @@ class PlannedMovement(NamedTuple):
         pace: Float[np.ndarray, " dof"],
         noise: Float[np.ndarray, "dof dof"],
         correlation: Float[np.ndarray, "sample sample"],
-    ) -> Float[np.ndarray, "sample dof sample dof"]:
-        """Of the measured angles of a movement, wherever it begins."""
-        count, dofs = len(s), len(noise)
+        joints: Sequence[int] | None = None,
+    ) -> Float[np.ndarray, "sample dof sample joint"]:
+        """Of the measured angles of a movement, wherever it begins; `joints` those of the last axis, default all."""
         lag = s[:, None] - s[None, :]
-        full = np.einsum("st,ij->sitj", correlation, noise * np.outer(self.noise, self.noise))
-        for joint in range(dofs):
-            full[:, joint, :, joint] += (self.reach[joint] * pace[joint]) ** 2 * matern(lag, self.length[joint])
-            full[:, joint, :, joint] += self.tremor[joint] ** 2 * matern(lag, FAST) + ANYWHERE**2
-        full = full.reshape(count * dofs, count * dofs)
-        full[np.diag_indices(count * dofs)] += JITTER**2
-        return self.inflation * full.reshape(count, dofs, count, dofs)
+        tremor = matern(lag, FAST)
+        own = [
+            (reach * speed) ** 2 * matern(lag, length) + short**2 * tremor + ANYWHERE**2
+            for reach, speed, length, short in zip(self.reach, pace, self.length, self.tremor, strict=True)
+        ]
+        return self.inflation * with_noise(own, noise * np.outer(self.noise, self.noise), correlation, joints)
 
-    def modes(self, before: float, after: float) -> tuple[np.ndarray, list[np.ndarray]]:
+    def modes(
+        self, before: float, after: float, joints: Sequence[int] | None = None
+    ) -> tuple[np.ndarray, list[np.ndarray]]:
         """Of every joint, what a movement of unit pace may do after contact given all before it.
+
+        **Arguments**: `joints` default all.
 
         **Returns** times s from contact, and for each joint an array [time, mode], s: columns of a factor of the
         covariance over pace^2, largest first.
@@ -87,7 +95,8 @@ class PlannedMovement(NamedTuple):
         known = s <= 0.0
         lag = s[:, None] - s[None, :]
         found = []
-        for reach, length in zip(self.reach, self.length, strict=True):
+        for joint in range(len(self.reach)) if joints is None else joints:
+            reach, length = self.reach[joint], self.length[joint]
             K = self.inflation * reach**2 * (matern(lag, length) + 1e-10 * np.eye(len(s)))
             gain = np.linalg.solve(K[np.ix_(known, known)], K[np.ix_(known, ~known)]).T
             left = K[np.ix_(~known, ~known)] - gain @ K[np.ix_(known, ~known)]
@@ -163,22 +172,29 @@ def learn_movement(
 
         def cost(x, y=y, speed=speed, white=white, rest=rest):
             reach, length, tremor, scale = np.exp(x)
-            short = tremor**2 * matern(lag, FAST) + scale**2 * white + rest
-            factor = np.linalg.cholesky((reach * speed) ** 2 * matern(lag, length) + short)
-            told = 0.5 * np.sum(np.linalg.solve(factor, y) ** 2)
-            told += np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)))
-            return told + 0.5 * np.sum(((x - CENTRE) / WIDTH) ** 2)
+            slow, fast, noise = reach**2 * matern(lag, length), tremor**2 * matern(lag, FAST), scale**2 * white
+            inverse = np.linalg.inv(speed**2 * slow + fast + noise + rest)
+            z = inverse @ y
+            told = 0.5 * (np.sum(y * z) - np.sum(np.linalg.slogdet(inverse)[1]))
+            left = inverse - z * z.swapaxes(1, 2)
+            moving, all_alike = np.sum(speed**2 * left, axis=0), np.sum(left, axis=0)
+            by_length = 0.5 * reach**2 * matern_by_length(lag, length)
+            slope = [
+                np.sum(moving * slow),
+                np.sum(moving * by_length),
+                np.sum(all_alike * fast),
+                np.sum(all_alike * noise),
+            ]
+            apart = (x - CENTRE) / WIDTH
+            return told + 0.5 * np.sum(apart**2), np.array(slope) + apart / WIDTH
 
         bounds = list(zip(CENTRE - 4 * WIDTH, CENTRE + 4 * WIDTH, strict=True))
-        best = np.asarray(minimize(cost, CENTRE, method="L-BFGS-B", bounds=bounds).x)
-        found[:, joint], doubt[joint] = np.exp(best), curvature_inverse(partial(_slope, cost), best, WIDTH, STEP)
+        best = np.asarray(minimize(cost, CENTRE, jac=True, method="L-BFGS-B", bounds=bounds).x)
+        found[:, joint] = np.exp(best)
+        doubt[joint] = curvature_inverse(lambda x, cost=cost: cost(x)[1], best, WIDTH)
     plain = PlannedMovement(found[0], found[1], found[2], found[3], 1.0, doubt)
     squares = [_missed(plain, s, one, speed, noise, correlation) for one, speed in zip(angle, paces, strict=True)]
     return plain._replace(inflation=max(1.0, float(np.mean(squares))))
-
-
-def _slope(cost, x: np.ndarray) -> np.ndarray:
-    return np.array([(cost(x + STEP * e) - cost(x - STEP * e)) / (2.0 * STEP) for e in np.eye(len(x))])
 
 
 def _missed(plain, s, angle, speed, noise, correlation) -> float:

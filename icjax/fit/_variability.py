@@ -1,5 +1,6 @@
 """How far two repetitions of a movement drift apart: a Gaussian process, learnt where nothing touches."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -62,26 +63,45 @@ def matern(lag: Float[np.ndarray, "..."], length: float) -> Float[np.ndarray, ".
     return (1.0 + x + x**2 / 3.0) * np.exp(-x)
 
 
+def matern_by_length(lag: Float[np.ndarray, "..."], length: float) -> Float[np.ndarray, "..."]:
+    """Derivative of `matern` by the logarithm of the length."""
+    x = np.sqrt(5.0) * np.abs(lag) / length
+    return (x**2 + x**3) / 3.0 * np.exp(-x)
+
+
 def covariance(
     s: Float[np.ndarray, " sample"],
     variability: Variability,
     noise: Float[np.ndarray, "dof dof"],
     correlation: Float[np.ndarray, "sample sample"],
-) -> Float[np.ndarray, "sample dof sample dof"]:
+    joints: Sequence[int] | None = None,
+) -> Float[np.ndarray, "sample dof sample joint"]:
     """Of one repetition's angles about the intended movement: fast and slow process, and the instrument's noise.
 
-    **Arguments**: `noise` covariance of the angles at a frame, `correlation` of that noise between samples.
+    **Arguments**: `noise` covariance of the angles at a frame, `correlation` of that noise between samples; `joints`
+    those of the last axis, default all.
     """
-    count, dofs = len(s), len(noise)
     lag = s[:, None] - s[None, :]
     fast, slow = matern(lag, FAST), matern(lag, SLOW)
-    full = np.einsum("st,ij->sitj", correlation, noise * np.outer(variability.noise, variability.noise))
-    for joint in range(dofs):
-        a, b = variability.amplitude[:, joint] ** 2
-        full[:, joint, :, joint] += a * fast + b * slow
-    full = full.reshape(count * dofs, count * dofs)
-    full[np.diag_indices(count * dofs)] += JITTER**2
-    return variability.inflation * full.reshape(count, dofs, count, dofs)
+    own = [a**2 * fast + b**2 * slow for a, b in variability.amplitude.T]
+    return variability.inflation * with_noise(
+        own, noise * np.outer(variability.noise, variability.noise), correlation, joints
+    )
+
+
+def with_noise(
+    own: list[np.ndarray],
+    noise: Float[np.ndarray, "dof dof"],
+    correlation: Float[np.ndarray, "sample sample"],
+    joints: Sequence[int] | None,
+) -> Float[np.ndarray, "sample dof sample joint"]:
+    """Covariance of every joint's `own` movement, of the instrument's noise and of the jitter; `joints` those of the
+    last axis, None for all."""
+    joints = range(len(noise)) if joints is None else joints
+    full = np.einsum("st,ij->sitj", correlation, noise[:, joints])
+    for column, joint in enumerate(joints):
+        full[:, joint, :, column] += own[joint] + JITTER**2 * np.eye(len(correlation))
+    return full
 
 
 def learn(

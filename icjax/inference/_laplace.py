@@ -89,8 +89,11 @@ def interval(value: Float[Real, " n"], sd: Float[Real, " n"]) -> tuple[np.ndarra
 
 
 def jacobian(function, x: Float[Real, " n"], batch: int = 32) -> Float[jax.Array, "row n"]:
-    """d function / dx in forward mode, `batch` columns at once."""
-    columns = jax.lax.map(
-        lambda direction: jax.jvp(function, (x,), (direction,))[1], jnp.eye(x.shape[0], dtype=x.dtype), batch_size=batch
-    )
-    return columns.T
+    """d function / dx in forward mode, at most `batch` columns at once, in blocks of one size."""
+    count = x.shape[0]
+    blocks = max(1, -(-count // batch))
+    size = -(-count // blocks)
+    directions = jnp.eye(count, blocks * size, dtype=x.dtype).T.reshape(blocks, size, count)
+    along = jax.vmap(lambda direction: jax.jvp(function, (x,), (direction,))[1])
+    columns = along(directions[0])[None] if blocks == 1 else jax.lax.map(along, directions)
+    return columns.reshape(blocks * size, -1)[:count].T

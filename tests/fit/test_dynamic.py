@@ -38,7 +38,7 @@ def measurement() -> DynamicEquilibrium:
 
 def test_a_constant_torque_ends_at_static_equilibrium():
     """e = C tau once inertia and damping have died away."""
-    rest = np.zeros((1500, 2, 2))
+    rest = np.zeros((1500, 1, 2, 2))
     tau = np.array([0.05, 0.02])
     e = response((rest, rest, rest + MASS), jnp.asarray(np.tile(tau, (1500, 1))), values(), np.zeros(2), STEP)
     np.testing.assert_allclose(e[-1], C * tau, rtol=1e-9)
@@ -53,7 +53,7 @@ def test_a_single_joint_follows_the_closed_form():
     for step in (0.002, 0.001):
         count = round(0.1 / step) + 1
         t = np.arange(count) * step
-        one = np.ones((count, 1, 1))
+        one = np.ones((count, 1, 1, 1))
         state = values(compliance=np.array([1 / k]), **{"damping time": np.array([damping_time])})
         e = response((0 * one, 0 * one, m * one), jnp.full((count, 1), tau), state, np.zeros(1), step)[:, 0]
         root = np.sqrt(b**2 - 4 * m * k)
