@@ -1,5 +1,6 @@
 """What moves the compliant joints beside the contact: the rest of the body, pushed aside by it, carries them along."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -38,11 +39,14 @@ def rest_of(motion: Motion) -> tuple[int, ...]:
 
 def moved_aside(
     motion: Motion, repetitions: list[tuple[Motion, float]], frames: np.ndarray
-) -> Float[np.ndarray, "frame rest"]:
-    """How far the rest of the body is from where repetitions have it, in tangent coordinates of the trial.
+) -> Float[np.ndarray, "frame rest"] | None:
+    """How far the rest of the body is from where repetitions have it, in tangent coordinates of the trial; None without
+    repetitions.
 
-    **Arguments**: `repetitions` with the shift, s, by which each is read later; none gives zeros.
+    **Arguments**: `repetitions` with the shift, s, by which each is read later.
     """
+    if not repetitions:
+        return None
     rest = list(rest_of(motion))
     time, q = np.asarray(motion.recording.time)[frames], np.asarray(motion.recording.q)[frames]
     result = np.zeros((len(frames), len(rest)))
@@ -63,7 +67,9 @@ class Pushed(NamedTuple):
     acceleration: np.ndarray
 
 
-def pushed(aside: list[np.ndarray], force: list[np.ndarray], rate: float) -> tuple[list[Pushed], list[Pushed]]:
+def pushed(
+    aside: Sequence[np.ndarray | None], force: Sequence[np.ndarray], rate: float
+) -> tuple[list[Pushed], list[Pushed]]:
     """What of `aside` follows linearly from the contact force: a sum of damped springs d_s moved by all its components,
 
         d = sum_s d_s,    d_s'' = w_s^2 (sum_k c_sk f_k - d_s) - 2 z_s w_s d_s',
@@ -71,32 +77,34 @@ def pushed(aside: list[np.ndarray], force: list[np.ndarray], rate: float) -> tup
     from rest, w_s and z_s fixed (`FREQUENCIES`, `RATIOS`), so that any damped linear mechanism between contact and
     forearm is near. Differentiating the measured d twice instead would give noise that the angles of the fitted joints
     share (their markers are the same), and fits mistake that for inertia. c is found by a linear regression over all
-    windows, a constant and a slope of every window left out, with a normal prior whose width is not known: it is
-    averaged over `WIDTHS` by evidence.
+    windows whose displacement is known, and holds for the others too; a constant and a slope of every window are left
+    out, with a normal prior whose width is not known: it is averaged over `WIDTHS` by evidence.
 
-    **Arguments**: of every window `aside` [frame, rest], and `force` [frame, rest] generalised forces of the contact on
-    the same coordinates; `rate` Hz.
+    **Arguments**: of every window `aside` [frame, rest], None where it is not known, and `force` [frame, rest],
+    generalised forces of the contact on the same coordinates; `rate` Hz.
 
     **Returns** of every window the mean [frame, rest], and the doubt about it [frame, rest, rest * `MODES`]: columns of
     a factor of its covariance, each of one coordinate, those that leave its acceleration least known.
 
     **Source**: evidence of a linear model: MacKay 1992, Bayesian interpolation.
     """
-    rest = aside[0].shape[1]
-    result = [Pushed(*(np.zeros_like(item) for _ in range(3))) for item in aside]
-    doubt = [Pushed(*(np.zeros((*item.shape, rest * MODES)) for _ in range(3))) for item in aside]
+    rest = force[0].shape[1]
+    result = [Pushed(*(np.zeros(item.shape) for _ in range(3))) for item in force]
+    doubt = [Pushed(*(np.zeros((*item.shape, rest * MODES)) for _ in range(3))) for item in force]
+    known = [number for number, item in enumerate(aside) if item is not None]
     scale = np.sqrt(np.mean(np.concatenate(force) ** 2, axis=0))
     used = np.flatnonzero(scale > 1e-9)
-    if not used.size:
+    if not used.size or not known:
         return result, doubt
     unit = [item[:, used] / scale[used] for item in force]
     kinds = [_spring(2.0 * np.pi * hertz, ratio, rate) for hertz in FREQUENCIES for ratio in RATIOS]
     springs = [_side_by_side([_followed(item, spring) for spring in kinds]) for item in unit]
-    X = np.concatenate([_without_line(one.aside) for one in springs])
+    X = np.concatenate([_without_line(springs[number].aside) for number in known])
+    straight = np.concatenate([_without_line(item) for item in aside if item is not None])
     share = 2.0 * LINES / rate  # of the samples is independent
     decomposed = np.linalg.svd(np.sqrt(share) * X, full_matrices=False)
     for joint in range(rest):
-        y = np.concatenate([_without_line(item[:, joint : joint + 1]) for item in aside])[:, 0]
+        y = straight[:, joint]
         if np.max(np.abs(y)) < 1e-12:
             continue
         c, factor = _regressed(decomposed, y, share)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import chi2 as chi_square
 
+from icjax.fit._contacts import apparent
 from icjax.fit._joints import JointFit
 from icjax.fit._options import FitOptions
 from icjax.fit._session import SessionProblem
@@ -27,7 +28,9 @@ def changed(
 
     A score test: to the linearised problem each trial's own log C of the joint is added, all others staying free; the
     sum of squares falls by what chance alone makes chi-squared with as many degrees of freedom, in units of the mean
-    square of the residuals where that is above one. Empty where compliance may change already, or with one trial.
+    square of the residuals where that is above one. Trials that share catch trials err alike, so that their
+    differences err no more than if each had its own: rows count as they would then (`apparent`). Empty where
+    compliance may change already, or with one trial.
 
     **Arguments**: `data`, `prior` Jacobians of whitened rows at the minimum, `residual` of both.
 
@@ -39,6 +42,8 @@ def changed(
     measurement, at = made.problem.measurements[0], made.problem.parameters.slices["compliance"]
     common, length = measurement.common, np.asarray(measurement.whitening).shape[1]
     of = np.repeat([trials.index(window.trial) for window in made.windows], length)
+    size = np.repeat([apparent(window) for window in made.windows], length)
+    data, residual = data / size[:, None], residual / np.concatenate([size, np.ones(len(prior))])
     columns = data[:, at] if common is None else common.plain(data[:, at])
     Q, _ = np.linalg.qr(np.concatenate([data, prior]))
     noise = max(1.0, float(np.mean(residual[: len(data)][np.any(data != 0.0, axis=1)] ** 2)))
@@ -47,8 +52,8 @@ def changed(
         own = columns[:, joint : joint + 1] * (of[:, None] == np.arange(len(trials) - 1))
         own = own if common is None else np.asarray(common.whitened(own))
         own = np.concatenate([own, np.zeros((len(prior), own.shape[1]))])
-        U, size, _ = np.linalg.svd(own - Q @ (Q.T @ own), full_matrices=False)
-        used = size > FELT
+        U, felt, _ = np.linalg.svd(own - Q @ (Q.T @ own), full_matrices=False)
+        used = felt > FELT
         fall = float(np.sum((U[:, used].T @ residual) ** 2)) / noise
         found[name] = float(chi_square.sf(fall, used.sum())) if used.any() else 1.0
     return found

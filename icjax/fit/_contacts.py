@@ -19,7 +19,8 @@ from icjax.typing import Float
 class Window(NamedTuple):
     """One contact: frames of the trial, its repetitions laid over it at the compared samples; none without them.
 
-    `aside` [frame, rest]: how far the rest of the body is from theirs (`moved_aside`), from `first` to `last`.
+    `aside` [frame, rest]: how far the rest of the body is from theirs (`moved_aside`), from `first` to `last`; None
+    without repetitions.
     """
 
     trial: str
@@ -29,7 +30,7 @@ class Window(NamedTuple):
     last: int
     samples: np.ndarray
     repetitions: tuple[Repetition, ...]
-    aside: np.ndarray
+    aside: np.ndarray | None
 
 
 class Expected(NamedTuple):
@@ -83,8 +84,9 @@ def _learn_movement(motions: list[Motion], noise, options) -> PlannedMovement:
     margins = SMEAR, options.settle
     stretches = [item for motion in motions for item in free_stretches(motion, samples, stride, margins)]
     s = np.arange(-before, after + 1) * stride / rate
+    longest = max(motions, key=lambda motion: len(motion.correlation))
     try:
-        return learn_movement(s, stretches, noise, _correlation(motions[0], np.arange(samples) * stride))
+        return learn_movement(s, stretches, noise, _correlation(longest, np.arange(samples) * stride))
     except ValueError as error:
         names = ", ".join(repr(motion.recording.name) for motion in motions)
         raise ValueError(f"without a catch trial ({names}): {error}") from error
@@ -249,7 +251,10 @@ def _stride(options: FitOptions, rate: float) -> int:
 
 
 def _correlation(motion: Motion, samples: np.ndarray) -> np.ndarray:
-    return motion.correlation[np.abs(samples[:, None] - samples[None, :])]
+    """Between samples; none beyond a recording's length."""
+    known = motion.correlation
+    lag = np.abs(samples[:, None] - samples[None, :])
+    return np.where(lag < len(known), known[np.minimum(lag, len(known) - 1)], 0.0)
 
 
 def _filled(values: np.ndarray, length: int, repeat: bool = False) -> np.ndarray:

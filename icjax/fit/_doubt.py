@@ -120,8 +120,8 @@ def _square(contact: _Contact, process: Any, joint: int) -> Callable[[Any], np.n
     shared[at] = 0.0
     along = np.concatenate([contact.inverse[at], shared.T @ contact.inverse])
     Q = np.concatenate([along[:, at], along @ shared], axis=1)
-    seen, before = along @ contact.rows, None if contact.effect is None else contact.effect(process, joint)
-    one = np.eye(samples)
+    seen, one = along @ contact.rows, np.eye(samples)
+    before = np.zeros((samples, 0)) if contact.effect is None else contact.effect(process, joint)
 
     def square(h: Any) -> np.ndarray:
         noise = (h.noise[joint] / process.noise[joint] - 1.0) * one

@@ -39,6 +39,14 @@ GRID = 0.004
 """s between the times at which these modes are computed."""
 
 
+class Stretch(NamedTuple):
+    """Free movement, angles [sample, dof], and how much of it no other stretch holds: a sample that two hold counts
+    half in each."""
+
+    angle: Float[np.ndarray, "sample dof"]
+    share: float = 1.0
+
+
 class PlannedMovement(NamedTuple):
     """Planned movement of each joint as a process of twice differentiable paths (`matern`).
 
@@ -123,8 +131,8 @@ def pace(
     return np.sqrt(np.mean(rate**2, axis=-2) + STILL**2)
 
 
-def free_stretches(motion: Motion, samples: int, stride: int, margins: tuple[float, float]) -> list[np.ndarray]:
-    """Stretches of a recording without contact, each half over the next: angles [sample, dof], `stride` frames apart.
+def free_stretches(motion: Motion, samples: int, stride: int, margins: tuple[float, float]) -> list[Stretch]:
+    """Stretches of a recording without contact, each half over the next, `stride` frames apart.
 
     **Arguments**: `margins` s before an onset and after a release that do not count as free.
     """
@@ -135,16 +143,17 @@ def free_stretches(motion: Motion, samples: int, stride: int, margins: tuple[flo
     for start, end in zip(onset, release, strict=True):
         free &= (time < start - margins[0]) | (time > (np.inf if np.isnan(end) else end + margins[1]))
     edges = np.flatnonzero(np.diff(np.concatenate([[0], free.astype(int), [0]])))
-    return [
-        motion.angle[at : at + length : stride]
-        for begin, end in zip(edges[::2], edges[1::2], strict=True)
-        for at in range(end - length, begin - 1, -max(1, length // 2))
-    ]
+    found = []
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        starts = range(end - length, begin - 1, -max(1, length // 2))
+        share = (len(starts) + 1) / (2 * max(1, len(starts)))
+        found += [Stretch(motion.angle[at : at + length : stride], share) for at in starts]
+    return found
 
 
 def learn_movement(
     s: Float[np.ndarray, " sample"],
-    stretches: list[np.ndarray],
+    stretches: Sequence[Stretch],
     noise: Float[np.ndarray, "dof dof"],
     correlation: Float[np.ndarray, "sample sample"],
 ) -> PlannedMovement:
@@ -152,8 +161,8 @@ def learn_movement(
 
     `inflation` is the mean square of the whitened angles at s > 0 given those before, at least one.
 
-    **Arguments**: `s` of the samples, zero where in a contact's window the contact would be; `stretches` each
-    [sample, dof].
+    **Arguments**: `s` of the samples, zero where in a contact's window the contact would be; `stretches` count by
+    their shares.
 
     **Errors**: `ValueError` for fewer than `LEAST_STRETCHES`.
     """
@@ -162,7 +171,7 @@ def learn_movement(
             f"{len(stretches)} stretches of {s[-1] - s[0]:.2g} s without contact; at least {LEAST_STRETCHES} must tell "
             "how movement goes on"
         )
-    angle = np.stack(stretches)
+    angle, share = np.stack([item.angle for item in stretches]), np.array([item.share for item in stretches])
     angle, paces = angle - angle[:, :1], pace(s, angle)
     lag = s[:, None] - s[None, :]
     found, doubt = np.empty((len(CENTRE), angle.shape[2])), np.empty((angle.shape[2], len(CENTRE), len(CENTRE)))
@@ -175,8 +184,8 @@ def learn_movement(
             slow, fast, noise = reach**2 * matern(lag, length), tremor**2 * matern(lag, FAST), scale**2 * white
             inverse = np.linalg.inv(speed**2 * slow + fast + noise + rest)
             z = inverse @ y
-            told = 0.5 * (np.sum(y * z) - np.sum(np.linalg.slogdet(inverse)[1]))
-            left = inverse - z * z.swapaxes(1, 2)
+            told = 0.5 * share @ (np.sum(y * z, axis=(1, 2)) - np.linalg.slogdet(inverse)[1])
+            left = share[:, None, None] * (inverse - z * z.swapaxes(1, 2))
             moving, all_alike = np.sum(speed**2 * left, axis=0), np.sum(left, axis=0)
             by_length = 0.5 * reach**2 * matern_by_length(lag, length)
             slope = [
@@ -194,7 +203,7 @@ def learn_movement(
         doubt[joint] = curvature_inverse(lambda x, cost=cost: cost(x)[1], best, WIDTH)
     plain = PlannedMovement(found[0], found[1], found[2], found[3], 1.0, doubt)
     squares = [_missed(plain, s, one, speed, noise, correlation) for one, speed in zip(angle, paces, strict=True)]
-    return plain._replace(inflation=max(1.0, float(np.mean(squares))))
+    return plain._replace(inflation=max(1.0, float(np.average(squares, weights=share))))
 
 
 def _missed(plain, s, angle, speed, noise, correlation) -> float:

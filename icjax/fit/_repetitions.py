@@ -13,6 +13,10 @@ LONGEST_SHIFT = 4.0
 LONGEST_GAP = 0.02
 """s; in a longer gap between frames of a repetition its angles are not known. Markers are filtered at about 20 Hz."""
 
+UNLIKE = np.radians(1.0), 0.5
+"""rad, and of the trial's movement before contact: root mean square by which a repetition differs from it, means of
+each joint left out; where it is more than both, it is none."""
+
 
 class Repetition(NamedTuple):
     """A repetition on the trial's samples.
@@ -74,3 +78,11 @@ def aligned(
     return Repetition(
         np.where(inside[:, None], spline(read), np.nan), np.where(inside[:, None], slope(read), np.nan), shift
     )
+
+
+def alike(
+    trial: Float[np.ndarray, "sample dof"], repetition: Float[np.ndarray, "sample dof"], before: np.ndarray
+) -> bool:
+    """Whether a repetition laid over a trial holds its movement as far as both are free of contact (`UNLIKE`)."""
+    moved, apart = (x - x.mean(axis=0) for x in (trial[before], (repetition - trial)[before]))
+    return bool(np.std(apart) < max(UNLIKE[0], UNLIKE[1] * np.std(moved)))

@@ -14,7 +14,7 @@ from icjax.fit._inertia import segment_groups
 from icjax.fit._options import FitOptions
 from icjax.fit._parameters import Parameter, Parameters
 from icjax.fit._problem import Problem
-from icjax.fit._repetitions import LONGEST_SHIFT, aligned
+from icjax.fit._repetitions import LONGEST_SHIFT, aligned, alike
 from icjax.fit._windows import SMEAR, Motion, contact_frames, motion_of, without_contact
 from icjax.inference import Identity, Log
 from icjax.model import Model
@@ -205,12 +205,16 @@ def _window(motion: Motion, event: int, catches: list[tuple[Motion, int]], optio
             options.shift_sd,
         )
         timely = abs(repetition.shift) < 0.98 * LONGEST_SHIFT * options.shift_sd  # else the best may lie beyond
-        if timely and np.isfinite(repetition.angle).all():
+        finite = bool(np.isfinite(repetition.angle).all())
+        if timely and finite and alike(motion.angle[samples], repetition.angle, samples <= onset - SMEAR * rate):
             found.append(repetition._replace(trials=repeated))
             shifted.append((catch, repetition.shift))
     if catches and not found:
         within = LONGEST_SHIFT * options.shift_sd
-        return f"have no catch trial that lasts as long, without gap or touch, and begins within {within:.2g} s of it"
+        return (
+            "have no catch trial that lasts as long, without gap or touch, begins within "
+            f"{within:.2g} s of it and moves as it does"
+        )
     aside = moved_aside(motion, shifted, np.arange(first, last + 1))
     return Window(motion.recording.name, event, first, onset, last, samples, tuple(found), aside)
 
@@ -224,8 +228,8 @@ def _left_out(found: list[Window | str], repetitions: dict[str, list[tuple[Motio
     short = sum(len(item.repetitions) < len(repetitions[item.trial]) for item in windows)
     if short:
         lines.append(
-            f"{short} contacts are without one of their catch trials, which ends before, has a gap or touches, or "
-            f"begins more than {LONGEST_SHIFT:g} times shift_sd earlier or later"
+            f"{short} contacts are without one of their catch trials, which ends before, has a gap or touches, begins "
+            f"more than {LONGEST_SHIFT:g} times shift_sd earlier or later, or moves otherwise before them"
         )
     return tuple(lines)
 

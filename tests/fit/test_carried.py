@@ -55,6 +55,22 @@ def test_acceleration_of_an_arm_that_is_pushed():
         assert np.max(np.abs(item.aside[:, 1])) < 0.05 * np.max(np.abs(item.aside[:, 0]))
 
 
+def test_contacts_without_repetitions_say_nothing_of_the_arm():
+    """It is found from the others, and holds for them too."""
+    generator = np.random.default_rng(10)
+    force, aside = contacts(12, generator)
+    few, doubt = pushed(aside[:6], force[:6], RATE)
+    mixed, mixed_doubt = pushed([*aside[:6], *[None] * 6], force, RATE)
+    for one, other in zip(few, mixed, strict=False):
+        np.testing.assert_allclose(other.acceleration, one.acceleration, rtol=0.02, atol=0.02)
+    true = [np.gradient(np.gradient(item[:, 0], 1 / RATE), 1 / RATE) for item in aside[6:]]
+    error = [a.acceleration[:, 0] - b for a, b in zip(mixed[6:], true, strict=True)]
+    assert np.sqrt(np.mean(np.square(error))) < 0.2 * np.sqrt(np.mean(np.square(true)))
+    assert all(np.any(item.acceleration) for item in (*doubt, *mixed_doubt))
+    nothing, _ = pushed([None] * 12, force, RATE)
+    assert not any(np.any(item.aside) for item in nothing)
+
+
 def test_what_the_force_does_not_explain_counts_for_nothing():
     """Wandering that has nothing to do with the contact, and a body that no force reaches."""
     generator = np.random.default_rng(9)

@@ -123,6 +123,11 @@ def test_trials_of_one_compliance_are_not_called_different(fit):
     found = changed(fit.made, data, prior, moved)
     assert found["wrist"] < 1e-4
     assert change_warnings(found)[0].startswith("trials speak for different compliances")
+    windows = [w._replace(repetitions=tuple(r._replace(trials=4) for r in w.repetitions)) for w in fit.made.windows]
+    shared = fit.made._replace(windows=tuple(windows))  # as if all trials shared two catch trials: rows count less
+    size = np.sqrt((1.0 + 1.0 / 2.0) / (1.0 + 4.0 / 2.0))
+    again = changed(shared, size * data, prior, np.concatenate([size * moved[: len(data)], moved[len(data) :]]))
+    assert again == pytest.approx(found, rel=1e-6)
     assert change_warnings({"wrist": 0.4, "MP": 0.001}) == ()
 
 

@@ -62,8 +62,8 @@ def test_catch_trial_that_touches_is_not_used(small):
     made = session_problem(changed(small, 2, touching=touching))
     assert [len(window.repetitions) for window in made.windows] == [1, 1, 1]
     assert made.left_out == (
-        "3 contacts are without one of their catch trials, which ends before, has a gap or touches, or begins more "
-        "than 4 times shift_sd earlier or later",
+        "3 contacts are without one of their catch trials, which ends before, has a gap or touches, begins more "
+        "than 4 times shift_sd earlier or later, or moves otherwise before them",
     )
     assert made.left_out[0] in _warnings(made, solved(made))
 
@@ -117,6 +117,30 @@ def test_copies_are_refused(small):
         )
     with pytest.raises(ValueError, match="'catch00_2' holds the same angles as catch 'catch00'"):
         session_problem(changed(small, 2, q=np.asarray(catch.q) + 1e-9))
+
+
+def test_catch_trial_of_another_movement_is_none(session, small):
+    """It would be taken for what the trial had done without contact."""
+    other = session.catch_trials(session.trials()[1].name)[0]
+    wrong = dataclasses.replace(other, catch_of=small.recordings[0].name)
+    made = session_problem(dataclasses.replace(small, recordings=(*small.recordings[:2], wrong)))
+    assert [len(window.repetitions) for window in made.windows] == [1, 1, 1]
+    (line,) = made.left_out
+    assert line.startswith("3 contacts are without one of their catch trials")
+    with pytest.raises(ValueError, match=r"3 have no catch trial .* of it and moves as it does"):
+        session_problem(dataclasses.replace(small, recordings=(small.recordings[0], wrong)))
+
+
+def test_short_clips_without_catch_trials(small):
+    """They say nothing of how movement goes on, and that is said; a longer trial beside them does."""
+    trial, noise = small.recordings[0], np.diag([1e-7] * 4)
+    clip, whole = motion_of(shortened(trial, 100), DOFS), motion_of(trial, DOFS)
+    with pytest.raises(
+        ValueError, match=r"without a catch trial \('trial00'\): 0 stretches of 0.3\d* s without contact"
+    ):
+        _contacts._learn_movement([clip], noise, FitOptions())
+    both, alone = (_contacts._learn_movement(motions, noise, FitOptions()) for motions in ([clip, whole], [whole]))
+    np.testing.assert_allclose(both.reach, alone.reach)
 
 
 def test_force_that_measures_no_friction_is_told(small):

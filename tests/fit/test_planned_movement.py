@@ -1,6 +1,7 @@
 """Free movement as a process: what is learnt of it, and what it leaves open after contact."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import jax
 import numpy as np
@@ -9,8 +10,17 @@ from scipy.optimize import minimize
 
 from icjax.fit import _planned_movement, check_fit, fit_record, fit_session, fit_text
 from icjax.fit._dynamic import Common
-from icjax.fit._planned_movement import GRID, STILL, PlannedMovement, learn_movement, pace
+from icjax.fit._planned_movement import (
+    GRID,
+    STILL,
+    PlannedMovement,
+    Stretch,
+    free_stretches,
+    learn_movement,
+    pace,
+)
 from icjax.fit._variability import FAST, matern
+from icjax.fit._windows import Motion
 
 S = np.arange(-31, 13) * 0.008
 NOISE = np.diag([1e-8, 4e-8])
@@ -24,7 +34,7 @@ def stretches(count, generator):
     for _ in range(count):
         speed = generator.uniform(0.3, 1.5, 2)
         K = TRUTH.covariance(S, speed, NOISE, WHITE).reshape(2 * len(S), -1)
-        found.append((np.linalg.cholesky(K) @ generator.standard_normal(2 * len(S))).reshape(len(S), 2))
+        found.append(Stretch((np.linalg.cholesky(K) @ generator.standard_normal(2 * len(S))).reshape(len(S), 2)))
     return found
 
 
@@ -34,11 +44,28 @@ def test_length_and_calibration_are_learnt():
     found = learn_movement(S, stretches(120, generator), NOISE, WHITE)
     np.testing.assert_allclose(found.length, TRUTH.length, rtol=0.15)
     squares = []
-    for angle in stretches(120, generator):
+    for angle, _ in stretches(120, generator):
         K = found.covariance(S, pace(S, angle), NOISE, WHITE).reshape(2 * len(S), -1)
         white = np.linalg.solve(np.linalg.cholesky(K), (angle - angle[:1]).ravel())
         squares.append(np.mean(white.reshape(angle.shape)[S > 0.0] ** 2))
     assert np.mean(squares) == pytest.approx(1.0, abs=0.15)
+
+
+def test_every_free_sample_counts_once():
+    """Of free frames before and after a contact, less its margins; a stretch that is too short is not taken."""
+    free = np.ones(330, bool)
+    free[310] = False
+    events = SimpleNamespace(onset=np.array([1.5]), release=np.array([1.6]))
+    recording = SimpleNamespace(time=np.arange(330) / 100.0, touching=~free[:, None], events=events)
+    motion = Motion(**dict.fromkeys(Motion._fields))._replace(
+        recording=recording, valid=free, angle=np.arange(330.0)[:, None]
+    )
+    found = free_stretches(motion, samples=11, stride=4, margins=(0.1, 0.2))
+    starts = sorted(int(item.angle[0, 0]) for item in found)
+    assert all(np.array_equal(item.angle[:, 0], item.angle[0, 0] + 4.0 * np.arange(11)) for item in found)
+    assert starts == [19, 39, 59, 79, 99, 189, 209, 229, 249, 269]
+    held = {frame for start in starts for frame in range(start, start + 41)}
+    assert sum(item.share for item in found) * 41 == pytest.approx(len(held), rel=0.02)
 
 
 def test_what_is_learnt_is_the_best(monkeypatch):
@@ -62,7 +89,8 @@ def test_movement_rougher_than_said_inflates():
     """Jumps after s = 0 that nothing before foretells raise the inflation."""
     generator = np.random.default_rng(4)
     smooth = stretches(40, generator)
-    jumps = [angle + np.where(S[:, None] > 0.05, generator.choice([-0.3, 0.3]), 0.0) for angle in smooth]
+    late = S[:, None] > 0.05
+    jumps = [Stretch(angle + np.where(late, generator.choice([-0.3, 0.3]), 0.0)) for angle, _ in smooth]
     assert learn_movement(S, smooth, NOISE, WHITE).inflation < 1.3
     assert learn_movement(S, jumps, NOISE, WHITE).inflation > 1.5
 
@@ -94,7 +122,7 @@ def test_pace():
 
 def test_too_little_free_movement():
     with pytest.raises(ValueError, match=r"2 stretches of 0.34 s without contact"):
-        learn_movement(S, [np.zeros((len(S), 2))] * 2, NOISE, WHITE)
+        learn_movement(S, [Stretch(np.zeros((len(S), 2)))] * 2, NOISE, WHITE)
 
 
 @pytest.mark.slow
