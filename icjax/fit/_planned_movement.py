@@ -26,6 +26,10 @@ CENTRE = np.log([0.2, 0.2, np.radians(0.05), 1.0])
 WIDTH = np.array([*np.log([5.0, 2.0, 5.0]), NOISE_SD])
 """Prior of the logarithms of `reach`, `length`, `tremor` and `noise`: means and standard deviations."""
 
+LEAST = 2.0
+"""Of these deviations, by which a number lies below the mean at most: a joint that never moved in what was recorded is
+not known to a hundredth of a milliradian."""
+
 STILL = 0.05
 """rad/s; a pace below which noise and tremor are all that moves."""
 
@@ -197,7 +201,7 @@ def learn_movement(
             apart = (x - CENTRE) / WIDTH
             return told + 0.5 * np.sum(apart**2), np.array(slope) + apart / WIDTH
 
-        bounds = list(zip(CENTRE - 4 * WIDTH, CENTRE + 4 * WIDTH, strict=True))
+        bounds = list(zip(CENTRE - LEAST * WIDTH, CENTRE + 4.0 * WIDTH, strict=True))
         best = np.asarray(minimize(cost, CENTRE, jac=True, method="L-BFGS-B", bounds=bounds).x)
         found[:, joint] = np.exp(best)
         doubt[joint] = curvature_inverse(lambda x, cost=cost: cost(x)[1], best, WIDTH)
