@@ -121,7 +121,7 @@ _ = figure.legend(loc="outside upper center", ncols=5, frameon=False)
 #
 # - The first catch trial does nearly all of the work. The second narrows every interval a little, which here is just
 #   what DIP needs to get a number; PIP misses one by a hair.
-# - Without any, wrist and MP keep numbers, but wide ones: the wrist within a factor of 3.7, which one catch trial tells
+# - Without any, wrist and MP keep numbers, but wide ones: the wrist within a factor of 3.8, which one catch trial tells
 #   within a third. PIP and DIP get bounds.
 # - PIP and DIP keep wide intervals however many there are. These contacts hardly load them; other contacts would help
 #   ([](design_an_experiment.py)).

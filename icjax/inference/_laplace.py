@@ -96,4 +96,4 @@ def jacobian(function, x: Float[Real, " n"], batch: int = 32) -> Float[jax.Array
     directions = jnp.eye(count, blocks * size, dtype=x.dtype).T.reshape(blocks, size, count)
     along = jax.vmap(lambda direction: jax.jvp(function, (x,), (direction,))[1])
     columns = along(directions[0])[None] if blocks == 1 else jax.lax.map(along, directions)
-    return columns.reshape(blocks * size, -1)[:count].T
+    return columns.reshape(blocks * size, *columns.shape[2:])[:count].T

@@ -80,10 +80,11 @@ def test_expected_and_found_information(tmp_path):
 
 @pytest.mark.slow
 def test_expected_and_found_without_catch_trials(tmp_path):
-    """Standard deviations, with a typical movement and with the one that the session's fit learns."""
+    """Standard deviations, with the movement that the session's fit learns; with a typical one, which this subject's
+    is not (smoother by a factor of two), within a factor of two."""
     made, sd, model, probes = recorded(tmp_path, catch=0)
     assert made.expected.movement is not None
-    for movement in (None, made.expected.movement):
+    for movement, tolerance in ((None, 2.0), (made.expected.movement, TOLERANCE)):
         plan = design(model, probes, catch_trials=0, planned_movement=movement)
         ratio = sd / plan.expected(range(len(probes))).sd
-        assert np.all((ratio > 1 / TOLERANCE) & (ratio < TOLERANCE)), ratio
+        assert np.all((ratio > 1 / tolerance) & (ratio < tolerance)), ratio
