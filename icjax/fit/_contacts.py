@@ -9,7 +9,7 @@ from icjax.fit._carried import MODES, carried_torque, principal, pushed, rest_of
 from icjax.fit._dynamic import Common, DynamicEquilibrium, whitener
 from icjax.fit._inertia import inertia_along
 from icjax.fit._options import FitOptions
-from icjax.fit._planned_movement import PlannedMovement, free_stretches, learn_movement, pace
+from icjax.fit._planned_movement import PlannedMovement, alike, free_stretches, learn_movement, pace, velocity
 from icjax.fit._repetitions import Repetition
 from icjax.fit._variability import Curve, Variability, covariance, learn
 from icjax.fit._windows import SMEAR, Motion, smoothed
@@ -116,7 +116,8 @@ def measured(
     doubts = []
     movements = {name: smoothed(motions[name]) for name in dict.fromkeys(w.trial for w in windows)}
     modes = None if expected.movement is None else expected.movement.modes(options.before, options.after)
-    for window, aside, doubt in zip(windows, rest, left, strict=True):
+    sizes = done_alike(windows, motions)
+    for window, aside, doubt, size in zip(windows, rest, left, sizes, strict=True):
         motion = motions[window.trial]
         frames = np.arange(window.first, window.last + 1)
         torque = motion.torque[frames]
@@ -138,9 +139,7 @@ def measured(
         rows["y"].append(_filled(y, count))
         rows["frames"].append(_filled(window.samples - window.first, count))
         if modes is not None:
-            s = (window.samples - window.onset) / rate
-            speeds = np.zeros(dofs) if window.repetitions else pace(s, motion.angle[window.samples])
-            effect = _filled(systematic(modes, s, speeds), count)
+            effect = _filled(systematic(modes, (window.samples - window.onset) / rate, size), count)
             rows["common"].append(rows["W"][-1] @ effect.reshape(count * dofs, -1))
     uncertain = _largest(doubts, length) if any(map(np.any, doubts)) else None
     stacked = {key: np.stack(items) for key, items in rows.items() if items}
@@ -217,20 +216,37 @@ def shifts(window: Window, options: FitOptions) -> Float[np.ndarray, "row repeti
     )
 
 
-def systematic(modes: tuple[np.ndarray, list[np.ndarray]], s: np.ndarray, speeds: np.ndarray) -> np.ndarray:
-    """What the modes of all joints, one after the other, do to the angles [sample, dof, mode]."""
+def done_alike(windows: Sequence[Window], motions: dict[str, Motion]) -> Float[np.ndarray, "window kind dof"]:
+    """`alike` of contacts without repetitions; zero of the others."""
+    rows = []
+    for window in windows:
+        motion = motions[window.trial]
+        s, angle = (window.samples - window.onset) / motion.recording.rate, motion.angle[window.samples]
+        torque = np.mean(motion.torque[window.onset : window.last + 1], axis=0)
+        rows.append(np.stack([pace(s, angle), velocity(s, angle), torque]))
+    found, alone = np.zeros_like(rows), np.array([not window.repetitions for window in windows])
+    if alone.any():
+        found[alone] = alike(*np.stack(rows)[alone].swapaxes(0, 1))
+    return found
+
+
+def systematic(
+    modes: tuple[np.ndarray, list[np.ndarray]], s: np.ndarray, sizes: Float[np.ndarray, "kind dof"]
+) -> np.ndarray:
+    """What the modes of all joints in turn, of each joint all kinds, do to the angles [sample, dof, mode]."""
     at, of = modes
-    result = np.zeros((len(s), len(of), sum(part.shape[1] for part in of)))
-    begin = 0
-    for joint, part in enumerate(of):
-        result[:, joint, begin : begin + part.shape[1]] = speeds[joint] * at_times(s, at, part)
+    parts = [at_times(s, at, part, size) for part, size in zip(of, sizes.T, strict=True)]
+    result, begin = np.zeros((len(s), len(of), sum(part.shape[1] for part in parts))), 0
+    for joint, part in enumerate(parts):
+        result[:, joint, begin : begin + part.shape[1]] = part
         begin += part.shape[1]
     return result
 
 
-def at_times(s: np.ndarray, at: np.ndarray, modes: np.ndarray) -> np.ndarray:
-    """Modes of one joint at other times [time, mode]."""
-    return np.stack([np.interp(s, at, column) for column in modes.T], axis=1)
+def at_times(s: np.ndarray, at: np.ndarray, modes: np.ndarray, sizes: Float[np.ndarray, " kind"]) -> np.ndarray:
+    """Modes of one joint, of every size, at other times [time, kind * mode]."""
+    moved = np.stack([np.interp(s, at, column) for column in modes.T], axis=1)
+    return np.concatenate([size * moved for size in sizes], axis=1)
 
 
 def unexplained(whitening: np.ndarray, window: Window, rate: float, dofs: int) -> tuple[np.ndarray, np.ndarray]:

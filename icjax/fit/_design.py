@@ -207,14 +207,16 @@ def design(
     offset = np.zeros((len(offset_names),) * 2)
     offset[: model.nv, : model.nv] = angle_errors(model, np.asarray(neutral(model)), noise)[1]
     offset[model.nv :, model.nv :] = POINT_SD**2 * np.eye(3)
+    common = plan.common_of(events, probes, moves)
     J = jacobians(model, dofs, noise.rate, offset, events, parameters)
     if modes is not None:
-        alike = np.stack([event["common"] for event in events])
+        alike = np.stack([event["W"] @ own for event, own in zip(events, common, strict=True)])
         J = np.concatenate([J, alike], axis=2)
         shared = Parameter("common", np.zeros(alike.shape[2]), "prior sd", Identity(), 1.0)
         parameters = Parameters((*parameters.of, shared))
     factor = np.stack([np.linalg.qr(np.concatenate([item, np.zeros((item.shape[1],) * 2)]), mode="r") for item in J])
-    told = [np.stack([np.asarray(event[key]) for event in events]) for key in ("peak", "deflection", "doubt")]
+    told = [np.stack([np.asarray(event[key]) for event in events]) for key in ("peak", "deflection")]
+    told.append(np.stack([plan.doubt(*each) for each in zip(events, probes, common, strict=True)]))
     names = tuple(model.dof_names[dof] for dof in dofs)
     prior = np.asarray(_prior_rows(parameters))
     return Design(probes, names, options, catch_trials, parameters, factor, prior, *told)

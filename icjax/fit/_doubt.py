@@ -9,13 +9,14 @@ import numpy as np
 from icjax.fit._contacts import (
     Window,
     at_times,
+    done_alike,
     planned_covariance,
     repeated_covariance,
     shifts,
     systematic,
 )
 from icjax.fit._options import FitOptions
-from icjax.fit._planned_movement import PlannedMovement, pace
+from icjax.fit._planned_movement import PlannedMovement
 from icjax.fit._session import SessionProblem
 from icjax.fit._variability import Variability
 from icjax.inference import Laplace
@@ -181,20 +182,20 @@ def _by_planned_movement(made: SessionProblem, rows: np.ndarray, options: FitOpt
         return []
     apart = rows if common is None else common.plain(rows)
     modes, group = movement.modes(options.before, options.after), []
+    sizes = done_alike(made.windows, made.motions)
     for number, window in enumerate(made.windows):
         if not window.repetitions:
-            K, effect, A = _planned(made, window, modes, options)
+            K, effect, A = _planned(made, window, modes, sizes[number], options)
             plain = np.linalg.cholesky(K()) @ _own(made, apart, number, len(A))
             group.append(_Contact.of(K(), np.column_stack([A, plain]), K, effect))
     return [group]
 
 
-def _planned(made: SessionProblem, window: Window, modes, options: FitOptions):
+def _planned(made: SessionProblem, window: Window, modes, sizes: np.ndarray, options: FitOptions):
     """Covariance of a contact, what common numbers do in the rows of one joint, and in all."""
     motion = made.motions[window.trial]
     s = (window.samples - window.onset) / motion.recording.rate
-    speeds = pace(s, motion.angle[window.samples])
-    A = systematic(modes, s, speeds).reshape(len(s) * len(speeds), -1)
+    A = systematic(modes, s, sizes).reshape(len(s) * sizes.shape[1], -1)
 
     def K(process: PlannedMovement | None = None, joint: int | None = None) -> np.ndarray:
         expected = made.expected if process is None else made.expected._replace(movement=process)
@@ -202,8 +203,9 @@ def _planned(made: SessionProblem, window: Window, modes, options: FitOptions):
 
     def effect(process: PlannedMovement, joint: int) -> np.ndarray:
         at, (own,) = process.modes(options.before, options.after, [joint])
-        done, begin = np.zeros((len(s), A.shape[1])), joint * own.shape[1]
-        done[:, begin : begin + own.shape[1]] = speeds[joint] * at_times(s, at, own)
+        moved = at_times(s, at, own, sizes[:, joint])
+        done, begin = np.zeros((len(s), A.shape[1])), joint * moved.shape[1]
+        done[:, begin : begin + moved.shape[1]] = moved
         return done
 
     return K, effect, A

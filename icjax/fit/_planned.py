@@ -1,5 +1,6 @@
 """A contact that might be recorded as a row of a dynamic equilibrium, and its exact Jacobian."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -10,7 +11,7 @@ from icjax.fit._dynamic import DynamicEquilibrium, whitener
 from icjax.fit._expected_contact import angle_errors, contact_force, filter_power, intended, smooth_force
 from icjax.fit._options import FitOptions
 from icjax.fit._parameters import Parameters
-from icjax.fit._planned_movement import PlannedMovement, pace
+from icjax.fit._planned_movement import PlannedMovement, alike, pace, velocity
 from icjax.fit._probe import Instruments, Probe
 from icjax.fit._variability import Variability, covariance
 from icjax.inference import jacobian
@@ -47,7 +48,6 @@ class Plan(NamedTuple):
         s = (samples - before) / rate
         used = np.repeat(s <= probe.duration, len(columns))
         K = self.covariance_of(probe, move, s)
-        W, alike = whitener(K, used), self.common_of(probe, move, s)
         last = int(np.floor(min(probe.duration, options.after) * rate))
         torque = force @ touch.jacobian
         return {
@@ -56,12 +56,35 @@ class Plan(NamedTuple):
             "by": np.einsum("tx,xio->tio", force, touch.by_unit),
             "inertia": np.stack(inertia),
             "frames": samples,
-            "W": W,
-            "common": W @ alike,
+            "W": whitener(K, used),
             "peak": np.abs(torque[before : before + last + 1]).max(axis=0),
             "deflection": np.abs(e[: last + 1]).max(axis=0),
-            "doubt": doubt_of(K + alike @ alike.T, s, min(probe.duration, options.after), len(columns)),
+            "own": K,
         }
+
+    def common_of(self, events: Sequence[dict], probes: Sequence[Probe], moves: Sequence) -> list[np.ndarray]:
+        """What numbers of unit variance that all contacts share do to the angles [sample * dof, number] of each."""
+        times = [self.times(event) for event in events]
+        rows = len(times[0]) * len(self.dofs)
+        if self.modes is None:
+            return [np.zeros((rows, 0)) for _ in events]
+        ways = [intended(probe, s)[0][:, None] * move for probe, move, s in zip(probes, moves, times, strict=True)]
+        torque = [event["torque"][round(self.options.before * self.noise.rate) :].mean(axis=0) for event in events]
+        sizes = alike(
+            np.stack([pace(s, way) for s, way in zip(times, ways, strict=True)]),
+            np.stack([velocity(s, way) for s, way in zip(times, ways, strict=True)]),
+            np.stack(torque),
+        )
+        return [systematic(self.modes, s, size).reshape(rows, -1) for s, size in zip(times, sizes, strict=True)]
+
+    def times(self, event: dict[str, np.ndarray]) -> np.ndarray:
+        """Of the compared samples, s from contact."""
+        return event["frames"] / self.noise.rate - round(self.options.before * self.noise.rate) / self.noise.rate
+
+    def doubt(self, event: dict[str, np.ndarray], probe: Probe, common: np.ndarray) -> np.ndarray:
+        """`doubt_of` a contact's angles, what all contacts share included."""
+        until = min(probe.duration, self.options.after)
+        return doubt_of(event["own"] + common @ common.T, self.times(event), until, len(self.dofs))
 
     def covariance_of(self, probe: Probe, move, s: np.ndarray) -> np.ndarray:
         """Of a contact's angles against the mean of the repetitions, or without them of the angles as they are
@@ -79,12 +102,6 @@ class Plan(NamedTuple):
         rates = (intended(probe, s)[1][:, None] * move).ravel()
         n = self.catch_trials
         return (1.0 + 1.0 / n) * full + self.options.shift_sd**2 / n * np.outer(rates, rates)
-
-    def common_of(self, probe: Probe, move, s: np.ndarray) -> np.ndarray:
-        """What numbers of unit variance that all contacts share do to the angles [sample * dof, number]."""
-        if self.modes is None:
-            return np.zeros((len(s) * len(self.dofs), 0))
-        return systematic(self.modes, s, self.pace_of(probe, move, s)).reshape(len(s) * len(self.dofs), -1)
 
     def pace_of(self, probe: Probe, move, s: np.ndarray) -> np.ndarray:
         """Of the intended movement before contact, rad/s [dof]."""

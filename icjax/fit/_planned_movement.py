@@ -42,6 +42,9 @@ MODES = 6
 GRID = 0.004
 """s between the times at which these modes are computed."""
 
+BRAKING = 0.04
+"""s before contact, over which its velocity is taken."""
+
 
 class Stretch(NamedTuple):
     """Free movement, angles [sample, dof], and how much of it no other stretch holds: a sample that two hold counts
@@ -133,6 +136,26 @@ def pace(
     before = angle[..., s <= 0.0, :]
     rate = np.gradient(before, s[s <= 0.0], axis=-2)
     return np.sqrt(np.mean(rate**2, axis=-2) + STILL**2)
+
+
+def velocity(s: Float[np.ndarray, " sample"], angle: Float[np.ndarray, "sample dof"]) -> Float[np.ndarray, " dof"]:
+    """Mean angular velocity, rad/s, over the last `BRAKING` s before s = 0."""
+    ends = np.stack([np.interp([-BRAKING, 0.0], s, column) for column in angle.T])
+    return (ends[:, 1] - ends[:, 0]) / BRAKING
+
+
+def alike(
+    pace: Float[np.ndarray, "contact dof"],
+    velocity: Float[np.ndarray, "contact dof"],
+    torque: Float[np.ndarray, "contact dof"],
+) -> Float[np.ndarray, "contact kind dof"]:
+    """How large at each contact what movements do alike at all of them may be, rad/s: in proportion to their pace; to
+    their velocity, as one who brakes brakes harder where faster; to the mean torque of the contact (over its root mean
+    square, by that of the pace), as one may plan otherwise where one pushes harder."""
+    size = np.sqrt(np.mean(torque**2, axis=0))
+    usual = np.sqrt(np.mean(pace**2, axis=0))
+    pushed = usual * np.divide(torque, size, out=np.zeros_like(torque), where=size > 0.0)
+    return np.stack([pace, velocity, pushed], axis=1)
 
 
 def free_stretches(motion: Motion, samples: int, stride: int, margins: tuple[float, float]) -> list[Stretch]:
