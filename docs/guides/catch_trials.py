@@ -121,8 +121,8 @@ _ = figure.legend(loc="outside upper center", ncols=5, frameon=False)
 #
 # - The first catch trial does nearly all of the work. The second narrows every interval a little, which here is just
 #   what DIP needs to get a number; PIP misses one by a hair.
-# - Without any, wrist and MP keep numbers, but wide ones: the wrist within a factor of 3.8, which one catch trial tells
-#   within a third. PIP and DIP get bounds.
+# - Without any, only MP keeps a number, within a factor of two, which one catch trial tells within a quarter. The
+#   others get bounds; of the wrist a factor of 6.5, where one catch trial leaves less than a third.
 # - PIP and DIP keep wide intervals however many there are. These contacts hardly load them; other contacts would help
 #   ([](design_an_experiment.py)).
 # - The paper's estimator needs no catch trials. Its numbers are off by the factors printed above: right at PIP, a
@@ -171,8 +171,10 @@ for name, fit in fits.items():
 # %% [markdown]
 # Without catch trials MP alone is pushed out of its band, and only for some 50 ms: it is pushed fast, and plans change
 # slowly. Twelve contacts average out what differs between them. They do not average out what all have in common: a
-# person who brakes before every touch does so every time. Without catch trials the fit therefore also leaves open a
-# plan that all contacts share, and more contacts do not narrow that. Catch trials see it directly.
+# person who brakes at every touch does so every time, harder where the movement is faster, and so where the contact
+# pushes harder. That looks exactly like compliance. Without catch trials the fit therefore also leaves open a plan that
+# all contacts share, in proportion to velocity and torque, and more contacts do not narrow that. Catch
+# trials see it directly.
 #
 # ## What to do
 #

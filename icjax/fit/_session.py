@@ -69,8 +69,8 @@ def session_problem(session: Session, options: FitOptions | None = None) -> Sess
     of several trials, whose references then err alike (`of_mean`). Without them a planned
     deceleration after contact cannot be told from compliance, whatever else is measured: the reference of such a trial
     is foretold from the movement before contact by a Gaussian process learnt from free movement (`PlannedMovement`),
-    once for each contact, and once more for what all contacts of the session may have in common (`Common`): a subject
-    who always brakes at the surface. Intervals are as wide as that leaves them.
+    once for each contact, and once more for what all contacts of the session may have in common (`Common`, `alike`): a
+    subject who always brakes at the surface, harder where faster. Intervals are as wide as that leaves them.
 
     Catch trials count where they know the pose and nothing touches. A contact that cannot be compared (too short, no
     free movement before it, gaps, catch trials that end before it) is left out.

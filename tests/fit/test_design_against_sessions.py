@@ -15,7 +15,7 @@ from icjax.laboratory._movement import reach
 from icjax.model import index_finger
 
 TOLERANCE = 1.5
-"""Factor of the standard deviation of log C; complete fits were within 0.6 to 1.4 (experiments, design.json)."""
+"""Factor of the standard deviation of log C; complete fits were within 0.65 to 1.36 (experiments, design.json)."""
 
 FRICTION = 0.6
 COMPLIANCE = (0.25, 0.70, 0.45, 1.10)

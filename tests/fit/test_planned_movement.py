@@ -9,15 +9,19 @@ import pytest
 from scipy.optimize import minimize
 
 from icjax.fit import _planned_movement, check_fit, fit_record, fit_session, fit_text
+from icjax.fit._contacts import systematic
 from icjax.fit._dynamic import Common
 from icjax.fit._planned_movement import (
+    BRAKING,
     GRID,
     STILL,
     PlannedMovement,
     Stretch,
+    alike,
     free_stretches,
     learn_movement,
     pace,
+    velocity,
 )
 from icjax.fit._variability import FAST, matern
 from icjax.fit._windows import Motion
@@ -118,6 +122,46 @@ def test_pace():
     ramp = np.stack([0.7 * S, 0.0 * S], axis=1) + np.where(S[:, None] > 0, 5.0, 0.0)
     np.testing.assert_allclose(pace(S, ramp), [np.hypot(0.7, STILL), STILL])
     assert S[1] - S[0] < FAST
+
+
+def test_velocity():
+    """Signed, of the last 40 ms before contact, whatever comes after."""
+    ramp = np.stack([-0.7 * S, 0.2 * np.abs(S + 0.5 * BRAKING)], axis=1) + np.where(S[:, None] > 0, 5.0, 0.0)
+    fine = np.linspace(-0.2, 0.1, 301)
+    np.testing.assert_allclose(velocity(S, ramp)[0], -0.7)
+    np.testing.assert_allclose(velocity(fine, np.abs(fine + 0.5 * BRAKING)[:, None]), [0.0], atol=1e-12)
+
+
+def test_what_contacts_do_alike():
+    """In proportion to pace, to signed velocity, and to torque whatever its unit; what is never pushed has none."""
+    pace, torque = np.array([[1.0, 2.0], [3.0, 1.0]]), np.array([[0.03, 0.0], [-0.01, 0.0]])
+    found = alike(pace, -pace, torque)
+    np.testing.assert_array_equal(found[:, 0], pace)
+    np.testing.assert_array_equal(found[:, 1], -pace)
+    np.testing.assert_allclose(found[:, 2, 0], np.sqrt(5.0) * np.array([3.0, -1.0]) / np.sqrt(5.0))
+    np.testing.assert_array_equal(found[:, 2, 1], 0.0)
+    np.testing.assert_allclose(alike(pace, -pace, 1e3 * torque), found)
+    at, modes = TRUTH.modes(0.25, 0.1)
+    moved = systematic((at, modes), at, found[0])
+    kinds = modes[0].shape[1]
+    assert moved.shape == (len(at), 2, 2 * 3 * kinds)
+    np.testing.assert_allclose(moved[:, 0, 2 * kinds : 3 * kinds], found[0, 2, 0] * modes[0])
+    np.testing.assert_allclose(moved[:, 1, 4 * kinds : 5 * kinds], found[0, 1, 1] * modes[1])
+    assert not moved[:, 0, 3 * kinds :].any()
+
+
+def test_braking_in_proportion_to_velocity_is_not_taken_for_compliance():
+    """Contacts of different speed, each slowed in proportion: the information about a yielding of that shape
+    has a bound that no number of contacts exceeds, one over the sum of the three variances."""
+    generator = np.random.default_rng(4)
+    at, modes = TRUTH.modes(0.25, 0.1)
+    for count in (5, 50):
+        speed = generator.uniform(0.5, 1.5, (count, 1)) * np.ones((1, 2))
+        sizes = alike(speed, speed, 0.02 * speed)
+        A = np.concatenate([systematic((at, modes), at, size).reshape(-1, 36) / 0.01 for size in sizes])
+        yielding = np.concatenate([(one * np.stack([modes[0][:, 0], 0 * at], axis=1)).ravel() for one in speed[:, :1]])
+        white = np.asarray(Common.of(A).whitened(yielding / 0.01))
+        assert 0.99 / 3.0 < white @ white < 1.0 / 3.0
 
 
 def test_too_little_free_movement():
