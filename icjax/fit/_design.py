@@ -157,7 +157,8 @@ def design(
 
     Without catch trials the covariance is that of a movement foretold from before contact
     (`PlannedMovement.covariance`) at the pace of the intended one, and unknown besides are its `modes`, the same
-    numbers for all contacts (`Common`, `alike`): they do not average out, however many contacts there are.
+    numbers for all contacts (`Common`; `alike`, torque against its root mean square over all probes given): they do
+    not average out, however many contacts there are.
 
     Assumed: posture, Jacobian and inertia stay those of the first touch; contacts are independent, their number alone
     makes intervals narrower (without catch trials, independent but for the modes); how much repetitions vary is known
