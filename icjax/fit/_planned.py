@@ -71,7 +71,7 @@ class Plan(NamedTuple):
         ways = [intended(probe, s)[0][:, None] * move for probe, move, s in zip(probes, moves, times, strict=True)]
         torque = [event["torque"][round(self.options.before * self.noise.rate) :].mean(axis=0) for event in events]
         sizes = alike(
-            np.stack([pace(s, way) for s, way in zip(times, ways, strict=True)]),
+            np.stack([self.pace_of(*each) for each in zip(probes, moves, times, strict=True)]),
             np.stack([velocity(s, way) for s, way in zip(times, ways, strict=True)]),
             np.stack(torque),
         )
@@ -79,7 +79,7 @@ class Plan(NamedTuple):
 
     def times(self, event: dict[str, np.ndarray]) -> np.ndarray:
         """Of the compared samples, s from contact."""
-        return event["frames"] / self.noise.rate - round(self.options.before * self.noise.rate) / self.noise.rate
+        return (event["frames"] - round(self.options.before * self.noise.rate)) / self.noise.rate
 
     def doubt(self, event: dict[str, np.ndarray], probe: Probe, common: np.ndarray) -> np.ndarray:
         """`doubt_of` a contact's angles, what all contacts share included."""
