@@ -116,7 +116,7 @@ def test_record_of_a_fit(fit, session, recorded, tmp_path):
 
 
 @pytest.mark.slow
-def test_verb_is_interrupted_and_goes_on(session, recorded, tmp_path, capsys, monkeypatch):
+def test_verb_is_interrupted_and_goes_on(session, fit, recorded, tmp_path, capsys, monkeypatch):
     session.save(tmp_path / "recording.nc")
 
     def interrupted(now):
@@ -130,10 +130,16 @@ def test_verb_is_interrupted_and_goes_on(session, recorded, tmp_path, capsys, mo
     assert "--resume goes on from there" in capsys.readouterr().err
     (kept,) = tmp_path.glob("*.checkpoint")
 
+    def at_its_end(*arguments, checkpoint, keep_checkpoint):
+        assert keep_checkpoint
+        assert checkpoint == kept
+        return fit
+
     def too_late(*arguments, **options):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
+        patch.setattr(icjax.fit, "fit_session", at_its_end)
         patch.setattr(icjax.fit, "fit_record", too_late)
         assert main(["fit", str(tmp_path / "recording.nc"), "--resume"]) == 130
     assert "--resume goes on from there" in capsys.readouterr().err
