@@ -13,7 +13,8 @@
 #
 # Which contacts are worth a subject's time? `design` simulates each kind of contact that might be recorded and says
 # how wide the 95 % interval of every joint would be after the fit. Here it continues a pilot session, that of
-# [](fit_your_recording.py): the finger explored a level plate, and the intervals of PIP and DIP span a factor of three.
+# [](fit_your_recording.py): the finger explored a level plate, and the intervals of PIP and DIP span a factor
+# of four, and PIP has no number.
 # What should be recorded next? The pilot comes from the virtual finger studio; no person was measured.
 
 # %%
@@ -127,7 +128,8 @@ for item in (level, best):
         )
 
 # %% [markdown]
-# On the level plate the force passes close to PIP. That is geometry, and no number of contacts is a cheap cure for it.
+# On the level plate the force passes close to PIP. That is geometry, and no number of contacts that anybody records
+# is a cure for it; the text above calls more than 200 none.
 #
 # ## How many contacts?
 #
@@ -165,11 +167,11 @@ for chosen in ([level], [best], pair):
 # ## How many catch trials?
 
 # %%
-print(f"{'12 contacts':26s}{'catch trials':>13s}" + "".join(f"{joint:>8s}" for joint in joints))
+print(f"{'12 contacts':26s}{'catch trials':>13s}" + "".join(f"{joint:>10s}" for joint in joints))
 for catch_trials in (0, 1, 2, 8):
     other = design(model, [probes[level], probes[best]], catch_trials, variability=variability)
     for probe, widths in zip(other.probes, other.widths, strict=True):
-        print(f"{probe.name:26s}{catch_trials:13d}" + "".join(f"{width:8.2f}" for width in widths))
+        print(f"{probe.name:26s}{catch_trials:13d}" + "".join(f"{width:10.4g}" for width in widths))
 
 # %% [markdown]
 # The first catch trial buys nearly everything. Without any, a movement that goes on and a joint that gives way look

@@ -13,6 +13,7 @@ import numpy as np
 from icjax.capture._angles import recorded_angles
 from icjax.capture._calibrate import Calibration, calibrate_model
 from icjax.capture._calibration_summary import calibration_record
+from icjax.capture._check_forces import force_findings
 from icjax.capture._contacts import sensor_channels, trial_contacts
 from icjax.capture._force_delay import force_delays
 from icjax.capture._joint_angles import JointAngles, joint_angles
@@ -220,5 +221,6 @@ def _provenance(
                 source.name: source.calibration.name for source in spec.sources if source.calibration is not None
             },
             "notes": list(motion.notes),
+            "doubts": force_findings(spec, trial, motion).doubts,
         }
     )

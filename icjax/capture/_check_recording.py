@@ -36,7 +36,8 @@ def check_recording(session: Session) -> list[str]:
 
     An error is a number that contradicts the meaning of its field (time that does not increase, a force without a
     point, an event outside the recording, a covariance that is none, a body that the model lacks). What is possible
-    but rarely meant is suspicious. The form of the file itself is checked by `icjax.files.layout_problems`.
+    but rarely meant is suspicious, and so is what capture doubted of the forces (saturated or dead channels, loaded
+    tare windows). The form of the file itself is checked by `icjax.files.layout_problems`.
     """
     roles = [item.role for item in session.recordings]
     counts = ", ".join(f"{roles.count(role)} {role}" for role in dict.fromkeys(roles))
@@ -86,9 +87,12 @@ def _form(recording: Recording, names: list[str]) -> Iterator[Finding]:
     elif recording.rate < SLOW and len(recording.events.onset):
         yield SUSPICIOUS, f"{recording.rate:g} Hz is slow for compliance at contact; 500 Hz is good"
     try:
-        json.loads(recording.provenance)
+        provenance = json.loads(recording.provenance)
     except (ValueError, TypeError):
         yield SUSPICIOUS, "provenance is not JSON text: nobody can tell how it was made"
+    else:
+        doubts = provenance.get("doubts") if isinstance(provenance, dict) else None
+        yield from ((SUSPICIOUS, str(text)) for text in (doubts if isinstance(doubts, list) else ()))
 
 
 def _model(model: Model) -> Iterator[Finding]:

@@ -19,6 +19,8 @@ class Check:
     """Session file (its keys are explained in the guide "The session file"), recording, interaction, rollout or fit."""
 
     def run(self) -> None:
+        if self.file.suffix == ".checkpoint":
+            raise ValueError(f"{self.file} is a checkpoint of a fit: `icjax fit ... --resume` reads it")
         lines = _record(self.file) if self.file.suffix == ".nc" else _session(self.file)
         print("\n".join(lines))
         refused = [line for line in lines if line.startswith("error: ")]

@@ -53,6 +53,8 @@ class Fit:
     """How much earlier or later a repetition of the movement may begin, s."""
     widest: float = 4.0
     """A joint is refused where the ends of its interval differ by more than this factor."""
+    without_catch_trials: bool = False
+    """Fit as if there were no catch trials, to see what they buy; the result is DIR/fit_NAME_no_catch_trials.nc."""
     profile: bool = False
     """Find intervals by profile likelihood too: where they differ from the others, those are not to be trusted. Of one
     compliance through the session only."""
@@ -60,6 +62,8 @@ class Fit:
     """Go on from where an interrupted fit with the same options ended."""
 
     def run(self) -> None:
+        import dataclasses
+
         from icjax.cli._output import Steps
         from icjax.estimation import estimates
         from icjax.fit import FitOptions, fit_record, fit_session, fit_text
@@ -69,6 +73,9 @@ class Fit:
         options = FitOptions(**{name: getattr(self, name) for name in OPTIONS})
         session, folder = self._session()
         changes = "" if self.compliance_by == "session" else f"_by_{self.compliance_by}"
+        if self.without_catch_trials:
+            session = dataclasses.replace(session, recordings=session.trials())
+            changes += "_no_catch_trials"
         path = folder / f"fit_{file_name(session.name)}{changes}.nc"
         checkpoint = path.with_suffix(f".{_key(session, options)}.checkpoint")
         self._prepare(checkpoint)
@@ -126,7 +133,9 @@ class Fit:
     def _prepare(self, checkpoint: Path) -> None:
         if not self.resume:
             checkpoint.unlink(missing_ok=True)
-        elif not checkpoint.is_file():
+        elif checkpoint.is_file():
+            print(f"goes on from {checkpoint}, in which steps are counted anew", file=sys.stderr)
+        else:
             print(f"note: {checkpoint} does not exist: the fit begins anew", file=sys.stderr)
 
 

@@ -20,7 +20,7 @@ class Steps:
     def step(self, title: str) -> Iterator[Callable[..., None]]:
         """Run one step; yields a function that takes the fraction done, 0 to 1, and a note on how it stands if any.
 
-        Notes stand beside the bar; where there is no terminal, every few seconds one is a line.
+        Notes stand beside the bar; where there is no terminal, every few seconds one is a line, and the last.
         """
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -38,15 +38,18 @@ class Steps:
         with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
             task = bar.add_task(label, total=1.0)
 
-            said = float("-inf")
+            said, left = float("-inf"), ""
 
             def told(fraction: float, note: str = "") -> None:
-                nonlocal said
+                nonlocal said, left
+                left = note
                 bar.update(task, completed=float(fraction), description=f"{label}: {note}" if note else label)
                 if note and not console.is_terminal and time.perf_counter() - said >= PAUSE:
-                    said = time.perf_counter()
+                    said, left = time.perf_counter(), ""
                     print(f"  {note}", file=sys.stderr, flush=True)
 
             yield told
+            if left and not console.is_terminal:
+                print(f"  {left}", file=sys.stderr, flush=True)
             bar.update(task, completed=1.0, description=label)
         self.seconds[title] = time.perf_counter() - start

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -36,10 +37,10 @@ def check_fit(fit: FitRecord) -> list[str]:
         refused = np.asarray(fit.periods.refused)
         told += f", means of {len(refused)} parts ({refused.sum()} of {refused.size} of their numbers refused)"
     lines = [
-        f"fit '{fit.name}': {len(fit.windows.trial)} contacts of {len(fit.trials)} trials, {fit.catch_trials} catch "
+        f"fit '{fit.title}': {len(fit.windows.trial)} contacts of {len(fit.trials)} trials, {fit.catch_trials} catch "
         f"trials; {told}"
     ]
-    return lines + [f"{kind}: fit '{fit.name}': {text}" for kind, text in _findings(fit)]
+    return lines + [f"{kind}: fit '{fit.title}': {text}" for kind, text in _findings(fit)]
 
 
 def _findings(fit: FitRecord) -> Iterator[tuple[str, str]]:
@@ -111,14 +112,34 @@ def _agreeing(fit: FitRecord) -> Iterator[tuple[str, str]]:
             yield "error", f"{name} is negative"
     for field in ("options", "provenance"):
         try:
-            json.loads(getattr(fit, field))
+            told = json.loads(getattr(fit, field))
         except ValueError:
-            yield "error", f"{field} is no JSON text"
+            told = None
+        if not isinstance(told, dict):
+            yield "error", f"{field} is no JSON text of names and values"
+        elif field == "options":
+            yield from _refusals(fit, told.get("widest"))
+    repeated = bool(np.any(np.asarray(fit.windows.repetitions) > 0))
+    if repeated and fit.catch_trials == 0:
+        yield "error", "its windows have repetitions, yet it has no catch trials"
+    for what, names in (("joint", fit.joint_names), ("parameter", parameters.parameter_names), ("trial", fit.trials)):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            yield "error", f"{what} '{twice[0]}' is there twice"
     unknown = sorted(set(fit.windows.trial) - set(fit.trials))
     if unknown:
         yield "error", f"its windows are of trials that it does not name: {', '.join(unknown)}"
     if not (isinstance(fit.catch_trials, int) and fit.catch_trials >= 0):
         yield "error", f"catch_trials is {fit.catch_trials!r}, no number of catch trials"
+
+
+def _refusals(fit: FitRecord, widest: Any) -> Iterator[tuple[str, str]]:
+    if not (isinstance(widest, int | float) and widest > 1):
+        yield "error", f"options: widest is {widest!r}, no ratio of an interval's ends"
+        return
+    for name, width, why in zip(fit.joint_names, fit.width, fit.refused, strict=True):
+        if not why and not width <= widest * (1.0 + ROUNDING):
+            yield "error", f"'{name}' has a number, yet its interval spans a factor of {width:.3g}, {widest:g} at most"
 
 
 def unusual_chi2(chi2: float, residuals: int) -> tuple[str, ...]:

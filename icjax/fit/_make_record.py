@@ -20,6 +20,7 @@ from icjax.fit._solve import linearised, solve
 from icjax.interaction import JointCompliance
 from icjax.recording import Session
 from icjax.results import RESULTS
+from icjax.typing import Float
 
 NO_PRIOR = 10.0
 """Standard deviation of log C that says next to nothing."""
@@ -40,6 +41,8 @@ def fit_record(
     count, repeated, alone = len(made.dof_names), made.expected.variability, made.expected.movement
     if paper is None:
         paper = next(estimates(session, wanted=(trials[0].name,))).summary
+    refused = tuple(joint.refused for joint in fit.joints)
+    ends = _profiles(fit) if profiles else np.full((2, count), np.nan)
     return FitRecord(
         name=session.name,
         subject=session.subject,
@@ -52,11 +55,11 @@ def fit_record(
         upper=np.array([joint.upper for joint in fit.joints]),
         width=np.array([joint.width for joint in fit.joints]),
         learned=np.array([joint.learned for joint in fit.joints]),
-        profile=_profiles(fit) if profiles else np.full((2, count), np.nan),
-        refused=tuple(joint.refused for joint in fit.joints),
+        profile=ends,
+        refused=refused,
         chi2=float(fit.chi2),
         result=_result(fit),
-        warnings=fit.warnings,
+        warnings=(*fit.warnings, *wide_profiles(made.dof_names, refused, ends, fit.options.widest)),
         periods=_periods(fit),
         parameters=fit.parameters,
         windows=_windows(fit),
@@ -98,6 +101,20 @@ def _profiles(fit: SessionFit) -> np.ndarray:
     wider = np.asarray(fit.laplace.sd / intervals(np.asarray(data), np.asarray(prior)).sd)[place]
     ends = np.array([[item.lower for item in found], [item.upper for item in found]])
     return np.exp(x[place] + wider * (ends - x[place]))
+
+
+def wide_profiles(
+    names: tuple[str, ...], refused: tuple[str, ...], ends: Float[np.ndarray, "end joint"], widest: float
+) -> tuple[str, ...]:
+    """A line for each joint that has a number, though its interval by profile likelihood would refuse it."""
+    with np.errstate(divide="ignore"):
+        width = ends[1] / ends[0]
+    return tuple(
+        f"{name}: by profile likelihood the ends of its interval differ by a factor of {factor:.3g}, {widest:g} at "
+        "most; take it as refused"
+        for name, why, factor in zip(names, refused, width, strict=True)
+        if not why and factor > widest
+    )
 
 
 def _alone(problem: Problem, x: np.ndarray, index: int) -> Profile:

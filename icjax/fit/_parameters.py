@@ -48,6 +48,8 @@ class Parameter(eqx.Module):
 
     def __check_init__(self):
         """**Errors**: `ValueError` naming the parameter, for a value that is not finite or outside its range."""
+        if not isinstance(self.unit, str):
+            raise ValueError(f"parameter {self.name!r}: unit = {self.unit!r}: must be text; the transform comes after")
         if not isinstance(self.transform, Transform):
             raise ValueError(
                 f"parameter {self.name!r}: transform = {self.transform!r}: must be one of icjax.inference, such as "
@@ -65,6 +67,11 @@ class Parameter(eqx.Module):
             raise ValueError(f"parameter {self.name!r}: shared_sd needs a value with an axis, and prior_sd of its own")
         if self.smooth is not None and not (math.isfinite(self.smooth) and self.smooth > 0):
             raise ValueError(f"parameter {self.name!r}: smooth {self.smooth} must be above zero")
+        if self.smooth is not None and not 1 <= self.smooth_order < max(np.shape(self.nominal)[:1], default=0):
+            raise ValueError(
+                f"parameter {self.name!r}: smooth needs a first axis longer than smooth_order = {self.smooth_order}, "
+                f"which must be at least 1; its value has the shape {np.shape(self.nominal)}"
+            )
         try:
             count = int(np.size(self.transform.free(self.nominal)))
         except ValueError as error:

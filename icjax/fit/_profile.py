@@ -50,8 +50,8 @@ def profile(problem: Problem, x: Float[Real, " n"], index: int, *, reach: float 
     **Arguments**: `x` at the minimum (`solve`); `index` of the number among `problem.parameters.names`; `reach` how far
     from the minimum is looked.
 
-    **Errors**: `ValueError` for an index that does not exist, an x of another length, or an x from which another point
-    is found whose cost is lower by more than what would matter: it was no minimum.
+    **Errors**: `ValueError` for an index that does not exist, an x of another length, a reach that is not above zero,
+    or an x from which another point is found whose cost is lower by more than what would matter: it was no minimum.
 
     **Source**: Bates and Watts 1988, Nonlinear regression analysis, section 6.1.
     """
@@ -59,8 +59,10 @@ def profile(problem: Problem, x: Float[Real, " n"], index: int, *, reach: float 
     start = np.array(x, float)
     if start.shape != (len(names),):
         raise ValueError(f"x has the shape {list(start.shape)}; the problem has {len(names)} numbers")
-    if not 0 <= index < len(names):
-        raise ValueError(f"index {index}: the problem has the numbers 0 to {len(names) - 1}")
+    if index not in range(len(names)):
+        raise ValueError(f"index {index!r}: the problem has the numbers 0 to {len(names) - 1}")
+    if not (np.isfinite(start).all() and reach > 0):
+        raise ValueError(f"x has a number that is not finite, or reach = {reach} is not above zero")
     lowest, J = _at(problem, start)
     found = [(float(start[index]), 0.0)]
     ends = []

@@ -2,6 +2,7 @@
 # (the checker does not see that `labelled`, `names` and `static` declare fields without a default)
 """What a fit of a session found, as a file that outlives it."""
 
+import json
 import os
 
 import equinox as eqx
@@ -155,6 +156,16 @@ class FitRecord(eqx.Module):
     paper: JointCompliance
     options: str = static()  # JSON text
     provenance: str = static()  # JSON text
+
+    @property
+    def title(self) -> str:
+        """The session's name, and what tells this fit from others of it."""
+        try:
+            by = json.loads(self.options).get("compliance_by", "session")
+        except (ValueError, AttributeError):
+            by = "session"
+        changing = f", compliance by {by}" if by != "session" else ""
+        return self.name + changing + ("" if self.catch_trials else ", no catch trials")
 
     @property
     def units(self) -> dict[str, str]:

@@ -1,11 +1,13 @@
 """A session fitted: compliance of every joint with intervals, and what a reader must know."""
 
 import os
+import re
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from icjax.capture import check_recording
 from icjax.fit._changes import change_warnings, changed, spread_warnings
 from icjax.fit._check_fit import far_from_prior, unusual_chi2
 from icjax.fit._contacts import apparent
@@ -23,6 +25,8 @@ from icjax.inference import Laplace
 from icjax.recording import Session
 from icjax.results import RESULTS, Solution
 
+_SUSPICIOUS = "suspicious: "
+
 TOLERANCE = 1e-6
 """Of `solve`: the minimum is known to a thousandth of a standard deviation."""
 
@@ -35,8 +39,9 @@ class SessionFit(NamedTuple):
     where it is the same throughout. With several `joints` are their geometric means, and `changes` says by what
     factor they differ.
 
-    `warnings` are what a reader must know: a fit that did not converge (all its joints are refused) or never moved,
-    residuals larger than assumed, numbers far from their priors, trials that speak for different compliances.
+    `warnings` are what a reader must know: what is suspicious about the recordings (`check_recording`), a fit that did
+    not converge (all its joints are refused) or never moved, residuals larger than assumed, numbers far from their
+    priors, trials that speak for different compliances.
     """
 
     made: SessionProblem
@@ -106,6 +111,7 @@ def fit_session(
     own = np.repeat([apparent(window) for window in made.windows], len(rows) // len(made.windows))
     chi2 = float(np.sum((rows / own) ** 2)) / compared
     warnings = (
+        *_doubts(session),
         *_warnings(made, found),
         *unusual_chi2(chi2, compared),
         *far_from_prior(parameters),
@@ -119,6 +125,19 @@ def fit_session(
 def _refused(joints: tuple[JointFit, ...], steps: int) -> tuple[JointFit, ...]:
     why = f"the fit did not converge in {steps} steps, so that neither number nor interval is one"
     return tuple(joint._replace(refused=joint.refused or why) for joint in joints)
+
+
+def _doubts(session: Session) -> list[str]:
+    """What is suspicious about the recordings, a line for those of which the same is said but for its numbers."""
+    said: dict[str, tuple[list[str], str]] = {}
+    for line in check_recording(session):
+        if line.startswith(_SUSPICIOUS):
+            name, found, text = line.removeprefix(_SUSPICIOUS).partition("': ")
+            alone = not (found and name.startswith("recording '"))
+            key = line if alone else re.sub(r"[-+.\d]+(e[-+]\d+)?", "#", text)
+            names, _ = said.setdefault(key, ([], line.removeprefix(_SUSPICIOUS) if alone else text))
+            names += () if alone else (name.removeprefix("recording '"),)
+    return [f"{', '.join(names)}: {text}" if names else text for names, text in said.values()]
 
 
 def _warnings(made: SessionProblem, found: Solution[Minimum]) -> tuple[str, ...]:

@@ -5,11 +5,13 @@ import itertools
 from collections import Counter
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 
 from icjax.estimation import compliant_dofs
 from icjax.fit._carried import moved_aside
 from icjax.fit._contacts import Expected, Window, expectation, measured
+from icjax.fit._copies import copied
 from icjax.fit._inertia import segment_groups
 from icjax.fit._options import FitOptions
 from icjax.fit._parameters import Parameter, Parameters
@@ -18,7 +20,7 @@ from icjax.fit._repetitions import LONGEST_SHIFT, aligned, alike
 from icjax.fit._windows import SMEAR, Motion, contact_frames, motion_of, without_contact
 from icjax.inference import Identity, Log
 from icjax.model import Model
-from icjax.recording import Recording, Session
+from icjax.recording import Session
 
 LEAST_EVENTS = 3
 """Contacts below which nothing is fitted: four joints and their dampers cannot be told apart by fewer."""
@@ -28,9 +30,6 @@ LEAST_AFTER = 0.03
 
 UNEVEN = 0.2
 """Of the time from frame to frame, by which one may differ."""
-
-COPIED = 1e-7
-"""rad; recordings that agree so are copies."""
 
 NO_TORQUE = 1e-6
 """Nm."""
@@ -77,9 +76,12 @@ def session_problem(session: Session, options: FitOptions | None = None) -> Sess
 
     **Errors**: `ValueError` for a session without trials, contact forces, poses or masses, with trials of different
     models, contacts or rates, with a trial or a catch trial that is a copy, with fewer than `LEAST_EVENTS` usable
-    contacts, a torque that never varies, or neither catch trials nor free movement to learn from.
+    contacts, a torque that never varies, or neither catch trials nor free movement to learn from, and in single
+    precision.
     """
     options = options or FitOptions()
+    if jnp.result_type(float) != jnp.float64:
+        raise ValueError("a fit needs double precision: JAX_ENABLE_X64=1, or jax.config.update('jax_enable_x64', True)")
     trials = session.trials()
     _check(session, trials)
     model = trials[0].model
@@ -122,7 +124,7 @@ def _repetitions(
     """Of every trial its catch trials, free of contact, and of how many trials each of them holds the movement."""
     catches = [item for item in session.recordings if item.role == "catch" and set(item.repeats) & set(motions)]
     free = [without_contact(motion_of(item, dofs), SMEAR, options.settle) for item in catches]
-    alike = [[other for other in catches if other is item or _same(item, other)] for item in catches]
+    alike = [[other for other in catches if other is item or copied(item, other)] for item in catches]
     repeated = [len({name for other in items for name in other.repeats if name in motions}) for items in alike]
     return {
         name: [(free[at], repeated[at]) for at, item in enumerate(catches) if name in item.repeats] for name in motions
@@ -164,12 +166,12 @@ def _check(session: Session, trials) -> None:
                 f"{', '.join(first.contact_names)}"
             )
         for one, other in itertools.combinations((trial, *session.catch_trials(trial.name)), 2):
-            if _same(one, other):
+            if copied(one, other):
                 raise ValueError(
                     f"catch {other.name!r} holds the same angles as {one.role} {one.name!r}: a copy is no repetition"
                 )
     for one, other in itertools.combinations(trials, 2):
-        if one.name == other.name or _same(one, other):
+        if one.name == other.name or copied(one, other):
             raise ValueError(f"trials {one.name!r} and {other.name!r} have one name or hold the same angles: a copy")
 
 
@@ -178,7 +180,7 @@ def _window(motion: Motion, event: int, catches: list[tuple[Motion, int]], optio
     first, onset, last = contact_frames(motion, event, options)
     rate = motion.recording.rate
     least_before = 2 * SMEAR * rate
-    if last - onset < LEAST_AFTER * rate:
+    if last - onset < LEAST_AFTER * rate - 1.0:  # frames are counted in whole ones
         return f"touch for less than {LEAST_AFTER:g} s"
     if onset - first < least_before:
         return f"begin within {options.settle + 2 * SMEAR:.2g} s of another contact's end, or at the recording's start"
@@ -232,13 +234,6 @@ def _left_out(found: list[Window | str], repetitions: dict[str, list[tuple[Motio
             f"more than {LONGEST_SHIFT:g} times shift_sd earlier or later, or moves otherwise before them"
         )
     return tuple(lines)
-
-
-def _same(one: Recording, other: Recording) -> bool:
-    """Whether two hold the same angles as far as both go: no two measurements agree so."""
-    count = min(len(one.time), len(other.time))
-    first, second = np.asarray(one.q)[:count], np.asarray(other.q)[:count]
-    return bool(np.allclose(first, second, rtol=0.0, atol=COPIED, equal_nan=True))
 
 
 def _periods(

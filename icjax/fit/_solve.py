@@ -84,8 +84,10 @@ def solve(
     **Returns** `result` `solved`, `not_converged` (steps, cancelled) or `invalid_input` (a residual that is not
     finite at the start); `stats` has `steps`, `evaluations` and `seconds`.
 
-    **Errors**: `ValueError` for a start of the wrong length, and for a checkpoint of another problem.
+    **Errors**: `ValueError` for a start of the wrong length, a tolerance that is not between 0 and 1, and for a
+    checkpoint of another problem.
     """
+    _check_effort(tolerance, max_steps)
     stages = (problem,) if isinstance(problem, Problem) else tuple(problem)
     if not stages:
         raise ValueError("problem: an empty sequence")
@@ -144,10 +146,22 @@ def multi_start(
     **Arguments**: `starts` x of each; `batch` how many at once, default all.
 
     **Returns** a batched `Solution`: `value.x` `[start, n]`, `result` of each; take the least `cost` of the solved.
-    """
 
+    **Errors**: `ValueError` for starts of the wrong shape and a tolerance that is not between 0 and 1.
+    """
+    _check_effort(tolerance, max_steps)
+    size = problem.parameters.size
+    if np.ndim(starts) != 2 or np.shape(starts)[1] != size:
+        raise ValueError(f"starts has the shape {np.shape(starts)}; must be [start, {size}], the numbers not frozen")
     value, result, steps = _from_each(problem, jnp.asarray(starts), tolerance, max_steps, batch)
     return Solution(value=value, result=result, stats={"steps": steps})
+
+
+def _check_effort(tolerance: float, max_steps: int) -> None:
+    if not 0 < tolerance < 1:
+        raise ValueError(f"tolerance = {tolerance}: must be between 0 and 1, it is relative")
+    if max_steps < 0:
+        raise ValueError(f"max_steps = {max_steps}: must not be negative")
 
 
 @eqx.filter_jit

@@ -17,6 +17,9 @@ WIDTH = 110
 MANY = 200
 """Contacts that nobody records."""
 
+MOST_LINES = 12
+"""About what joints of probes are missing, above which each joint has one."""
+
 WIDEST_NAME = 40
 """Characters of a probe's name in a table."""
 
@@ -77,7 +80,9 @@ def _by_period(record: FitRecord) -> list[str]:
             for value, lower, upper, no in zip(*row, strict=True)
         )
         lines.append(f"{period:{name}s}" + "".join(f"  {cell:>24s}" for cell in cells))
-    lines.append(f"as multiples of {periods.period_names[0]}, with 95 % intervals")
+    lines.append(
+        f"as multiples of {periods.period_names[0]}, with 95 % intervals, what was assumed of changes left out of these"
+    )
     numbers = (np.asarray(x) for x in (periods.factor, periods.factor_lower, periods.factor_upper))
     for period, *row in list(zip(periods.period_names, *numbers, strict=True))[1:]:
         cells = (f"{value:.3g} {_interval(lower, upper)}" for value, lower, upper in zip(*row, strict=True))
@@ -100,37 +105,60 @@ def design_text(plan: Design, best: int = 3) -> str:
     """
     found = design_figures(plan, best)
     joints, rows, widest = found["joints"], found["probes"], found["widest"]
+    few = [row["probe"] for row in rows if row["contacts"] < LEAST_EVENTS]
     label = min(max(len(row["probe"]) for row in rows), WIDEST_NAME)
     lines = [
         f"expected 95 % intervals, largest over smallest value; "
         f"{f'{plan.catch_trials} catch trials a trial' if plan.catch_trials else 'no catch trials'}; "
-        f"* above {widest:g}: no number",
+        f"* above {widest:g}{f' or from fewer than {LEAST_EVENTS} contacts' if few else ''}: no number",
         f"{'probe':{label}s} {'contacts':>8s}" + "".join(f"{joint[:9]:>10s}" for joint in joints),
     ]
     for row in rows:
-        lines.append(f"{row['probe'][:label]:{label}s} {row['contacts']:8d}{_widths(row['width'], widest)}")
-    few = [row["probe"] for row in rows if row["contacts"] < LEAST_EVENTS]
+        told = _widths(row["width"], widest, row["contacts"])
+        lines.append(f"{row['probe'][:label]:{label}s} {row['contacts']:8d}{told}")
+    missing = _all_missing(joints, rows, widest, plan.catch_trials)
     if few:
-        lines += wrap(f"a session needs at least {LEAST_EVENTS} contacts: {', '.join(few)}", WIDTH)
-    missing = [_missing(joints, row, j, plan.catch_trials) for row in rows for j in _refused(joints, row)]
+        which = "every probe has fewer" if len(few) == len(rows) else f"fewer have {'; '.join(few)}"
+        missing.append(f"a session needs at least {LEAST_EVENTS} contacts; {which}")
     told = missing or ["every joint gets a number from every probe"]
     lines += ["", *(part for line in told for part in wrap(line, WIDTH, subsequent_indent="    ")), ""]
     for item in found["best sets"]:
-        lines.append(f"best {len(item['probes'])} of {item['contacts']} contacts: {'; '.join(item['probes'])}")
-        lines.append(f"{'':{label}s} {item['contacts']:8d}{_widths(item['width'], widest)}")
+        number = len(item["probes"])
+        lines.append(
+            f"best {f'{number} together' if number > 1 else 'alone'}, {item['contacts']} contacts in all: "
+            + "; ".join(item["probes"])
+        )
+        lines.append(f"{'':{label}s} {item['contacts']:8d}{_widths(item['width'], widest, item['contacts'])}")
     cure = "load it more" if plan.catch_trials else "record catch trials"
-    never = [joint for joint in joints if all(joint in row["refused"] for row in rows)]
-    lines += [f"{joint}: no probe tells it; {cure}" for joint in never]
+    never = [j for j in range(len(joints)) if all(_wide(row["width"][j], widest) for row in rows)]
+    lines += [f"{joints[j]}: no probe tells it; {cure}" for j in never]
     return "\n".join(lines)
 
 
-def _widths(width: list[float | None], widest: float) -> str:
-    shown = [("inf" if w is None else f"{w:.3g}") + ("*" if w is None or w > widest else " ") for w in width]
+def _wide(width: float | None, widest: float) -> bool:
+    return width is None or width > widest
+
+
+def _all_missing(joints: list[str], rows: list[dict[str, Any]], widest: float, catch_trials: int) -> list[str]:
+    """What each refused joint of each probe is missing; where that would be many lines, of each joint the probe that
+    comes nearest to a number. Probes that only need the least number of contacts are not among them."""
+    found = [(row, j) for row in rows for j in range(len(joints)) if _wide(row["width"][j], widest)]
+    if len(found) <= MOST_LINES:
+        return [_missing(joints, row, j, catch_trials) for row, j in found]
+    lines = []
+    for j in range(len(joints)):
+        own = [row for row, number in found if number == j]
+        nearest = min(own, key=lambda row: row["width"][j] or float("inf"), default=None)
+        if nearest is not None:
+            others = f" ({len(own) - 1} other probes tell it less)" if len(own) > 1 else ""
+            lines.append(_missing(joints, nearest, j, catch_trials) + others)
+    return lines
+
+
+def _widths(width: list[float | None], widest: float, contacts: int) -> str:
+    few = contacts < LEAST_EVENTS
+    shown = [("inf" if w is None else f"{w:.3g}") + ("*" if few or _wide(w, widest) else " ") for w in width]
     return "".join(f"{item:>10s}" for item in shown).rstrip()
-
-
-def _refused(joints: list[str], row: dict[str, Any]) -> list[int]:
-    return [j for j, joint in enumerate(joints) if joint in row["refused"]]
 
 
 def _missing(joints: list[str], row: dict[str, Any], j: int, catch_trials: int) -> str:

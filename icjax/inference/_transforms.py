@@ -63,6 +63,10 @@ class Softplus(Transform):
 
     scale: float = eqx.field(static=True, default=1.0)
 
+    def __check_init__(self):
+        if not (math.isfinite(self.scale) and self.scale > 0):
+            raise ValueError(f"scale = {self.scale}: must be above zero and finite")
+
     def size(self, value):
         return int(np.size(value))
 
@@ -118,6 +122,8 @@ class Tied(Transform):
 
     def free(self, value):
         value = jnp.asarray(value)
+        if value.shape[:1] != (len(self.groups),):
+            raise ValueError(f"a value of the shape {value.shape} for {len(self.groups)} groups")
         groups = np.asarray(self.groups)
         members = np.stack([groups == group for group in range(self.size(value))]).astype(float)
         return members / members.sum(axis=1, keepdims=True) @ self.of.free(value)
@@ -149,7 +155,12 @@ class Cholesky(Transform):
 
     def free(self, value):
         D = self._scale()
+        if np.shape(value) != (self.order, self.order) or D.shape != (self.order,):
+            raise ValueError(
+                f"a value of the shape {np.shape(value)} and {D.size} scales for a matrix of order {self.order}"
+            )
         value = jnp.asarray(value) / (D[:, None] * D[None, :])
+        _refuse(value, lambda y: np.abs(y - y.T) <= 1e-6 * np.abs(y).max(), "must be symmetric")
         _refuse(value, lambda y: np.linalg.eigvalsh(y) > 0, "must be positive definite")
         L = jnp.linalg.cholesky(value)
         return jnp.concatenate([jnp.log(jnp.diagonal(L)), L[np.tril_indices(self.order, -1)]])

@@ -16,7 +16,7 @@ MOST = 6
 
 OPTIONS = {
     "after": "{:g} s after the onset are compared",
-    "before": "{:g} s before it hold the catch trials against the trial",
+    "before": "{:g} s before it hold what was expected against the trial",
     "settle": "{:g} s after a release nothing is compared",
     "spacing": "{:g} s between compared samples",
     "typical_compliance": "{:g} rad/Nm, centre of the prior where the model states none",
@@ -42,7 +42,7 @@ def fits(records: Sequence[FitRecord], metrics: Mapping[str, Any] | None = None)
 
 
 def _fit(number: int, fit: FitRecord, truth: Mapping[str, float], named: bool) -> str:
-    body = f"<h3>{text(fit.name)}</h3>" if named else ""
+    body = f"<h3>{text(fit.title)}</h3>" if named else ""
     body += paragraph(
         f"{_count(len(fit.windows.trial), 'contact')} of {_count(len(fit.trials), 'trial')} were fitted together "
         f"against {_expected(fit)}: what a "
@@ -157,7 +157,10 @@ def _by_period(number: int, fit: FitRecord) -> str:
             view.svg(view.plot_fit_periods(fit), f"fit-{number}-periods", "compliance of every part"),
             "Compliance of every part with its 95 % interval; line and band: their geometric mean.",
         )
-        + paragraph(f"The same as multiples of {first}, with 95 % intervals. One in twenty leaves out 1 by chance.")
+        + paragraph(
+            f"The same as multiples of {first}, with 95 % intervals, in which what was assumed of changes has no part. "
+            "One in twenty leaves out 1 by chance."
+        )
         + table(head, changes[1:], words=(0,))
     )
 
@@ -208,13 +211,23 @@ def _assumed(fit: FitRecord) -> str:
     body += pairs([(name.replace("_", " "), OPTIONS.get(name, "{}").format(value)) for name, value in options.items()])
     body += "".join(paragraph(line) for line in _processes(fit))
     parameters = fit.parameters
+    refused = {f"compliance {name}" for name, why in zip(fit.joint_names, fit.refused, strict=True) if why}
+    refused |= {
+        f"compliance {joint}, {period}"
+        for period, row in zip(fit.periods.period_names, np.asarray(fit.periods.refused), strict=True)
+        for joint, no in zip(fit.periods.joint_names, row, strict=True)
+        if no
+    }
     lines = [f"{'':28s}{'beforehand':>12s}{'fit':>12s}{'95 % interval':>26s}{'learned':>9s}  unit"]
     for row, name in enumerate(parameters.parameter_names):
         interval = f"{parameters.lower[row]:.3g} to {parameters.upper[row]:.3g}"
+        value = "refused" if name in refused else f"{parameters.value[row]:.3g}"
         lines.append(
-            f"{name:28s}{parameters.nominal[row]:>12.3g}{parameters.value[row]:>12.3g}{interval:>26s}"
+            f"{name:28s}{parameters.nominal[row]:>12.3g}{value:>12s}{interval:>26s}"
             f"{parameters.learned[row]:>9.0%}  {parameters.units[row]}"
         )
+    if any(name.startswith("carried") for name in parameters.parameter_names):
+        lines.append("\ncarried: how far the arm gave way to the contacts, in what its own fit leaves open")
     return body + folded("Every number that was fitted", "\n".join(lines))
 
 
@@ -237,9 +250,9 @@ def _processes(fit: FitRecord) -> list[str]:
                      + _multiplied(fit.inflation))  # fmt: skip
     if np.isfinite(np.asarray(fit.planned_movement)).any():
         reach, length = np.asarray(fit.planned_movement)[:2]
-        spread = [f"{joint} {a:.2g} s, {b:.2g} s" for (joint, _), a, b in zip(joints, reach, length, strict=True)]
-        lines.append("Planned movement changes by so many seconds of its own pace (root mean square), within a time "
-                     f"of: {', '.join(spread)}. All contacts together may do so once more in the same way."
+        spread = [f"{joint} {a:.2g} s within {b:.2g} s" for (joint, _), a, b in zip(joints, reach, length, strict=True)]
+        lines.append("Planned movement departs from going on as before by its speed times (root mean square) "
+                     f"{', '.join(spread)}. All contacts together may do so once more in the same way."
                      + _multiplied(fit.planned_inflation))  # fmt: skip
     return lines
 

@@ -84,7 +84,7 @@ def _fit_lead(fit: FitRecord) -> str:
     listed += f" (geometric means of {parts} parts in which it may differ)." if parts > 1 else "."
     against = _count(fit.catch_trials, "catch trial") if fit.catch_trials else "what was foretold (no catch trials)"
     return (
-        f"All contacts of the session {fit.name} together, held against {against}, "
+        f"All contacts of the session {fit.title} together, held against {against}, "
         "gave compliances with inertia, damping and planned movement accounted for" + listed
     )
 
@@ -116,7 +116,7 @@ def key_figures(
         figures.append((f"{accepted} of {events}", f"joint estimates accepted, {pooled}"))
     for fit in fits:
         given = sum(not reason for reason in fit.refused)
-        figures.append((f"{given} of {len(fit.refused)}", f"joints fitted, not refused, session {fit.name}"))
+        figures.append((f"{given} of {len(fit.refused)}", f"joints fitted, not refused, session {fit.title}"))
     if rollouts:
         failed = sum(int((np.asarray(item.status) != 0).sum()) for item in rollouts)
         scenes = "the one rollout" if len(rollouts) == 1 else f"all {len(rollouts)} rollouts"

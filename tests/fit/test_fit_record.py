@@ -1,6 +1,7 @@
 """The reference of a fit with its band, and the record that outlives it."""
 
 import dataclasses
+import json
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,6 +17,7 @@ from icjax.cli import main
 from icjax.files import layout_problems
 from icjax.fit import FitOptions, FitRecord, check_fit, contact_free, fit_record, fit_text
 from icjax.fit._check_fit import far_from_prior, unusual_chi2
+from icjax.fit._make_record import wide_profiles
 from icjax.recording import Session
 
 ROUNDING = 1e-12
@@ -49,9 +51,14 @@ def test_profile_intervals(recorded):
             recorded.profile[:, index], [recorded.lower[index], recorded.upper[index]], rtol=0.04
         )
         assert f"{joint} [{recorded.profile[0, index]:.3g}" in fit_text(recorded)
+    wide = recorded.profile[1] > 4.0 * recorded.profile[0]
+    told = {line.split(":")[0] for line in recorded.warnings if "by profile likelihood" in line}
+    assert told == {
+        name for name, too, no in zip(recorded.joint_names, wide, recorded.refused, strict=True) if too and not no
+    }
     assert np.all(recorded.profile[0] < recorded.compliance)
     assert np.all(recorded.profile[1] > recorded.compliance)
-    assert "profile" not in fit_text(dataclasses.replace(recorded, profile=np.full((2, 4), np.nan)))
+    assert "by profile likelihood:" not in fit_text(dataclasses.replace(recorded, profile=np.full((2, 4), np.nan)))
 
 
 @pytest.mark.slow
@@ -172,6 +179,11 @@ def test_made_up_record(tmp_path):
         (lambda fit: eqx.tree_at(lambda f: f.windows.onset, fit, fit.windows.onset + 9.0), "is not within it"),
         (lambda fit: eqx.tree_at(lambda f: f.windows.time, fit, -fit.windows.time), "do not increase"),
         (lambda fit: eqx.tree_at(lambda f: f.parameters.value, fit, fit.parameters.value + 9.0), "'sensor delay'"),
+        (lambda fit: dataclasses.replace(fit, options="[1]"), "options is no JSON text of names and values"),
+        (lambda fit: dataclasses.replace(fit, options="{}"), "widest is None"),
+        (lambda fit: dataclasses.replace(fit, refused=("", "")), "'MP' has a number, yet its interval spans"),
+        (lambda fit: dataclasses.replace(fit, catch_trials=0), "yet it has no catch trials"),
+        (lambda fit: dataclasses.replace(fit, trials=(*fit.trials, fit.trials[0])), "is there twice"),
     ],
 )
 def test_records_that_contradict_themselves(change, words):
@@ -226,6 +238,26 @@ def test_table_of_the_verb():
     assert lines[4].startswith("    ")
     assert max(map(len, lines)) <= 110
     assert verb.file_name("a/b c") == "a_b_c"
+
+
+def test_a_fit_is_told_from_others_of_its_session():
+    made = make_fit()
+    assert made.title == made.name
+    changing = dataclasses.replace(made, options=json.dumps({"compliance_by": "trial"}), catch_trials=0)
+    assert changing.title == f"{made.name}, compliance by trial, no catch trials"
+    assert check_fit(changing)[0].startswith(f"fit '{changing.title}': ")
+
+
+def test_a_profile_that_would_refuse_a_joint_is_told():
+    ends = np.array([[1.0, 1.0, 0.1], [2.0, 4.5, 9.0]])
+    (line,) = wide_profiles(("a", "b", "c"), ("", "", "wide"), ends, 4.0)
+    assert line.startswith("b: by profile likelihood the ends of its interval differ by a factor of 4.5, 4 at most")
+
+
+def test_a_checkpoint_is_not_checked_as_a_session(tmp_path, capsys):
+    (tmp_path / "fit.checkpoint").write_bytes(b"x")
+    assert main(["check", str(tmp_path / "fit.checkpoint")]) == 2
+    assert "is a checkpoint of a fit" in capsys.readouterr().err
 
 
 def test_options_of_the_verb_are_those_of_the_fit():

@@ -1,16 +1,19 @@
 """Sessions in which something is wrong: left out and told, or refused in one line."""
 
 import dataclasses
+import json
 
 import equinox as eqx
+import jax
 import numpy as np
 import pytest
 
 from icjax.fit import Minimum, _contacts, session_problem
+from icjax.fit._copies import copied
 from icjax.fit._options import FitOptions
 from icjax.fit._problem import intervals
 from icjax.fit._repetitions import aligned
-from icjax.fit._result import _warnings
+from icjax.fit._result import _doubts, _warnings
 from icjax.fit._windows import contact_frames, motion_of, without_contact
 from icjax.recording import ContactEvents
 from icjax.results import RESULTS, Solution
@@ -117,6 +120,40 @@ def test_copies_are_refused(small):
         )
     with pytest.raises(ValueError, match="'catch00_2' holds the same angles as catch 'catch00'"):
         session_problem(changed(small, 2, q=np.asarray(catch.q) + 1e-9))
+
+
+@pytest.mark.parametrize("cut", [0, 7, 60])
+def test_copies_are_known_cut_and_rounded(small, cut):
+    """As a file exported once more, from a later frame on and in single precision."""
+    trial, catch, other = small.recordings[:3]
+    q = np.asarray(trial.q, np.float32)[cut:] + 1e-6
+    again = eqx.tree_at(lambda item: item.q, trial, q.astype(float))
+    assert copied(trial, again)
+    assert copied(again, trial)
+    assert not copied(trial, catch)
+    assert not copied(catch, other)
+
+
+def test_what_is_suspicious_of_the_recordings_is_told_by_the_fit(small):
+    """Once for all recordings of which the same is said but for its numbers."""
+    assert _doubts(small) == []
+    doubted = small
+    for number, peak in enumerate((2.5, 3.1)):
+        provenance = json.loads(small.recordings[number].provenance)
+        told = {**provenance, "doubts": [f"channel 'Fz' stays at its largest value {peak}; saturated?"]}
+        doubted = changed(doubted, number, provenance=json.dumps(told))
+    assert _doubts(doubted) == ["trial00, catch00: channel 'Fz' stays at its largest value 2.5; saturated?"]
+
+
+def test_single_precision_is_refused(small):
+    with jax.enable_x64(False), pytest.raises(ValueError, match="a fit needs double precision"):
+        session_problem(small)
+
+
+def test_a_short_window_counts_whole_frames(small):
+    """0.03 s are six frames of 200 Hz, which rounding had made five and 5 of 9 contacts too short."""
+    made = session_problem(small, FitOptions(after=0.03))
+    assert len(made.windows) == 3
 
 
 def test_catch_trial_of_another_movement_is_none(session, small):

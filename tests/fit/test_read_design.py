@@ -72,7 +72,7 @@ def test_a_table_and_a_file(plan, tmp_path, capsys):
     assert main(["design", str(plan), "--out", str(out), "--best", "2"]) == 0
     printed = capsys.readouterr().out
     assert "3 catch trials" in printed
-    assert "best 2 of 12 contacts" in printed
+    assert "best 2 together, 12 contacts in all" in printed
     found = json.loads(out.read_text())
     assert found["joints"] == ["shoulder", "elbow"]
     widths = {row["probe"]: row["width"] for row in found["probes"]}
@@ -104,6 +104,27 @@ def test_the_table_is_that_of_python(plan, capsys):
     assert design_text(made, 9) == design_text(made, 2)
     with pytest.raises(ValueError, match="best = 0"):
         design_text(made, 0)
+
+
+def test_two_contacts_are_too_few_whatever_their_widths(plan, capsys):
+    """The cure is a third contact, no other one; no width is without its star."""
+    assert main(["design", str(plan), "--contacts", "2"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "* above 4 or from fewer than 3 contacts: no number" in lines[0]
+    for line in lines[2:4]:
+        assert all(cell.endswith("*") for cell in line.split()[-2:])
+    assert "a session needs at least 3 contacts; every probe has fewer" in lines
+
+
+def test_many_that_are_missing_are_told_by_joint():
+    """One line for each joint, of the probe that comes nearest to a number."""
+    model = index_finger(0.19, "fixed")
+    made = design(model, finger_candidates(model)[:4], catch_trials=0)
+    assert np.sum(made.widths > 4.0) > 12
+    lines = [line for line in design_text(made, 1).splitlines() if " is loaded by " in line]
+    assert len(lines) == 4
+    for j, line in enumerate(lines):
+        assert line.startswith(f"{made.probes[int(np.argmin(made.widths[:, j]))].name}: {made.joints[j]} is loaded by")
 
 
 @pytest.mark.parametrize(

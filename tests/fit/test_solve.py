@@ -1,5 +1,8 @@
 """Parameters and solvers on a problem whose answer is known: a decay y = b exp(-t / C)."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -116,6 +119,22 @@ def test_smooth_prior_and_labels():
     assert item.names[0] == "C a"
 
 
+class Square(eqx.Module):
+    """What a measurement must not be."""
+
+    name: str = eqx.field(static=True, default="square")
+    uses: Any = eqx.field(static=True, default=())
+
+    def residual(self, values):
+        return jnp.zeros((2, 2))
+
+
+def test_measurements_may_be_a_list():
+    problem = decay()
+    again = Problem(problem.parameters, list(problem.measurements))
+    assert again.measurements == problem.measurements
+
+
 @pytest.mark.parametrize(
     ("make", "match"),
     [
@@ -133,6 +152,17 @@ def test_smooth_prior_and_labels():
         (lambda: Problem(Parameters((Parameter("C", np.array(1.0)),)), ()), "no measurement"),
         (lambda: solve(decay(), jnp.zeros(3)), r"start has the shape \(3,\)"),
         (lambda: solve(()), "empty"),
+        (lambda: solve(decay(), tolerance=10.0), "tolerance = 10.0: must be between 0 and 1"),
+        (lambda: solve(decay(), max_steps=-1), "max_steps"),
+        (lambda: multi_start(decay(), jnp.zeros((3, 3))), r"starts has the shape \(3, 3\)"),
+        (lambda: multi_start(decay(), jnp.zeros((3, 2)), tolerance=float("nan")), "tolerance"),
+        (lambda: decay().laplace(jnp.zeros(3)), r"x has the shape \(3,\)"),
+        (lambda: decay().laplace(jnp.full(2, jnp.nan)), "all finite"),
+        (lambda: Parameter("C", np.ones(3), smooth=0.1, smooth_order=3), "first axis longer than smooth_order = 3"),
+        (lambda: Parameter("C", np.array(1.0), smooth=0.1), "needs a first axis"),
+        (lambda: Problem(decay().parameters, (SimpleNamespace(name="m", uses=()),)), "a measurement is a SimpleName"),
+        (lambda: Problem(decay().parameters, (Square(uses="b"),)), "names of parameters, a tuple"),
+        (lambda: solve(Problem(decay().parameters, (Square(),))), r"'square': its residual has the shape \(2, 2\)"),
     ],
 )
 def test_bad_input(make, match):

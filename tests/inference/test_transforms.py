@@ -71,3 +71,14 @@ def test_bad_bounds_and_groups():
         Logistic(1.0, 0.0)
     with pytest.raises(ValueError, match="without a gap"):
         Tied((0, 2))
+
+
+def test_shapes_and_scales_that_cannot_be_meant():
+    with pytest.raises(ValueError, match="scale = 0.0: must be above zero"):
+        Softplus(0.0)
+    with pytest.raises(ValueError, match=r"shape \(2,\) for 3 groups"):
+        Tied((0, 1, 1)).free(np.ones(2))
+    with pytest.raises(ValueError, match="for a matrix of order 3"):
+        Cholesky(3).free(np.eye(2))
+    with pytest.raises(ValueError, match="must be symmetric"):
+        Cholesky(2).free(np.array([[1.0, 0.9], [0.0, 1.0]]))
