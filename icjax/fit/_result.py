@@ -137,7 +137,14 @@ def _doubts(session: Session) -> list[str]:
             key = line if alone else re.sub(r"[-+.\d]+(e[-+]\d+)?", "#", text)
             names, _ = said.setdefault(key, ([], line.removeprefix(_SUSPICIOUS) if alone else text))
             names += () if alone else (name.removeprefix("recording '"),)
-    return [f"{', '.join(names)}: {text}" if names else text for names, text in said.values()]
+    lines = [f"{', '.join(names)}: {text}" if names else text for names, text in said.values()]
+    blind = [item.name for item in session.recordings if item.role == "catch" and not item.contact_names]
+    if blind:
+        lines.append(
+            f"{', '.join(blind)}: a catch trial without a force; one that touched something would go unnoticed, and "
+            "joints would look stiffer than they are"
+        )
+    return lines
 
 
 def _warnings(made: SessionProblem, found: Solution[Minimum]) -> tuple[str, ...]:

@@ -145,6 +145,16 @@ def test_what_is_suspicious_of_the_recordings_is_told_by_the_fit(small):
     assert _doubts(doubted) == ["trial00, catch00: channel 'Fz' stays at its largest value 2.5; saturated?"]
 
 
+def test_a_catch_trial_without_a_force_is_told(small):
+    """One of six that touched gave the wrist 0.197 [0.158, 0.241] for 0.25, and nothing else told."""
+    catch = small.recordings[1]
+    none = {name: np.asarray(getattr(catch, name))[:, :0] for name in FRAMES if name.startswith(("contact_", "touch"))}
+    none |= {"contact_names": (), "contact_bodies": (), "contact_kinds": ()}
+    none |= dict.fromkeys(("contact_force_sd", "contact_point_sd"))
+    (line,) = _doubts(changed(small, 1, **none))
+    assert line.startswith("catch00: a catch trial without a force")
+
+
 def test_single_precision_is_refused(small):
     with jax.enable_x64(False), pytest.raises(ValueError, match="a fit needs double precision"):
         session_problem(small)
