@@ -175,42 +175,37 @@ def test_a_tare_window_within_a_contact_leaves_a_force_that_pulls(studio, sound)
     assert any("the force of 'plate' pulls at the subject in" in line for line in told), told
 
 
-def test_a_clipped_force_is_still_doubted_in_the_recording(studio):
-    """At half its peak it had made joints 40 % too compliant in a fit that did not warn."""
+def told_with_forces(studio, change):
+    """What is suspicious once the forces of the trial are changed by `change(analog, motion)`."""
     motion = read_c3d(studio / "trial00.c3d")
-    analog, vertical = np.array(motion.analog), motion.analog_names.index("Fz")
-    least = 0.5 * float(analog[:, vertical].min())
-    most = 0.5 * float(analog[:, vertical].max())
-    analog[:, vertical] = np.clip(analog[:, vertical], least, most)
     write_c3d(
-        studio / "clipped.c3d",
+        studio / "forces.c3d",
         marker_names=motion.marker_names,
         markers=motion.markers,
         marker_rate=motion.marker_rate,
         analog_names=motion.analog_names,
         analog_units=motion.analog_units,
-        analog=analog,
+        analog=change(np.array(motion.analog), motion),
         analog_rate=motion.analog_rate,
     )
-    told = suspicions(again(studio, 'file = "trial00.c3d"', 'file = "clipped.c3d"'))
+    return suspicions(again(studio, 'file = "trial00.c3d"', 'file = "forces.c3d"'))
+
+
+def test_a_clipped_force_is_still_doubted_in_the_recording(studio):
+    """At half its peak it had made joints 40 % too compliant in a fit that did not warn."""
+
+    def clipped(analog, motion):
+        vertical = analog[:, motion.analog_names.index("Fz")]
+        vertical[:] = np.clip(vertical, 0.5 * vertical.min(), 0.5 * vertical.max())
+        return analog
+
+    told = told_with_forces(studio, clipped)
     assert any("channel 'Fz' stays at its largest value" in line for line in told), told
 
 
 @pytest.mark.parametrize("late", [-0.06, 0.1, 0.3])
 def test_forces_on_another_clock_are_told(studio, late):
-    motion = read_c3d(studio / "trial00.c3d")
-    samples = round(late * motion.analog_rate)
-    write_c3d(
-        studio / "late.c3d",
-        marker_names=motion.marker_names,
-        markers=motion.markers,
-        marker_rate=motion.marker_rate,
-        analog_names=motion.analog_names,
-        analog_units=motion.analog_units,
-        analog=np.roll(motion.analog, samples, axis=0),
-        analog_rate=motion.analog_rate,
-    )
-    told = suspicions(again(studio, 'file = "trial00.c3d"', 'file = "late.c3d"'))
+    told = told_with_forces(studio, lambda analog, motion: np.roll(analog, round(late * motion.analog_rate), axis=0))
     when = "before" if late < 0 else "after"
     found = [line for line in told if "the pad meets the surface" in line and when in line]
     assert found, told
