@@ -24,7 +24,8 @@ os.environ["XLA_FLAGS"] = " ".join(
     [os.environ.get("XLA_FLAGS", ""), *_quick_compilation()]
 ).strip()  # read once, by JAX
 gc.set_threshold(50_000, 50, 1000)  # tracing makes many small objects that live long
-os.environ.setdefault("NPROC", "1")  # XLA's threads would fight with the other workers of the suite
+for _threads in ("NPROC", "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):  # they would fight with those of other workers
+    os.environ.setdefault(_threads, "1")
 
 import jax
 import jaxtyping
