@@ -84,7 +84,7 @@ def _fit_lead(fit: FitRecord) -> str:
     listed += f" (geometric means of {parts} parts in which it may differ)." if parts > 1 else "."
     against = _count(fit.catch_trials, "catch trial") if fit.catch_trials else "what was foretold (no catch trials)"
     return (
-        f"All contacts of the session {fit.title} together, held against {against}, "
+        f"All contacts of the session {fit.name} together, held against {against}, "
         "gave compliances with inertia, damping and planned movement accounted for" + listed
     )
 
