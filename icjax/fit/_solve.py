@@ -1,12 +1,10 @@
 """Minimise a problem: progress, cancellation, checkpoint, many starts."""
 
 import os
-import tempfile
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
-from zipfile import BadZipFile
 
 import equinox as eqx
 import jax
@@ -15,6 +13,7 @@ import numpy as np
 import optimistix as optx
 
 from icjax.fit._bounded import bounded
+from icjax.fit._checkpoint import read_checkpoint, write_checkpoint
 from icjax.fit._problem import Problem
 from icjax.inference import jacobian
 from icjax.results import RESULTS, Solution
@@ -24,9 +23,6 @@ RESOLVED, STILL = 1e-12, 3
 """Relative decrease of the cost that double precision still tells from none, and steps in a row without it (or without
 the tolerance) after which Levenberg-Marquardt looks how far the minimum is: steps are accepted and refused by chance
 there, or go from one side of the minimum to the other where residuals bend."""
-
-SAME_COST = 1e-6
-"""Relative; costs of one problem on two machines differ less."""
 
 Solver = Literal["levenberg_marquardt", "bfgs", "lbfgsb"]
 
@@ -101,7 +97,7 @@ def solve(
     result = RESULTS.solved
     mark = float(_cost(stages[0], stages[0].parameters.start)) if checkpoint is not None else 0.0
     if checkpoint is not None and Path(checkpoint).is_file():
-        first, x = _read(Path(checkpoint), size, len(stages), mark)
+        first, x = read_checkpoint(Path(checkpoint), size, len(stages), mark)
     ended: list[float] = []
     run = bounded if solver == "lbfgsb" else _stepwise
     for number, stage in enumerate(stages):
@@ -113,7 +109,7 @@ def solve(
 
         def told(x, cost, step, number=number):
             if checkpoint is not None:
-                _write(Path(checkpoint), number, np.asarray(x), mark)
+                write_checkpoint(Path(checkpoint), number, np.asarray(x), mark)
             if progress is not None:
                 spent = time.perf_counter() - begin
                 ended.append(spent)
@@ -266,36 +262,3 @@ def _cost(problem, x):
 @eqx.filter_jit
 def _cost_and_gradient(problem, x):
     return jax.value_and_grad(problem.cost)(x)
-
-
-def _write(path: Path, stage: int, x: np.ndarray, mark: float) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            np.savez(file, stage=stage, x=x, mark=mark)
-        os.replace(temporary, path)
-    finally:
-        Path(temporary).unlink(missing_ok=True)
-
-
-def _read(path: Path, size: int, stages: int, mark: float) -> tuple[int, jax.Array]:
-    try:
-        with path.open("rb") as file, np.load(file) as stored:
-            stage, x, found = int(stored["stage"]), np.asarray(stored["x"], float), float(stored["mark"])
-    except (OSError, ValueError, TypeError, KeyError, EOFError, BadZipFile) as error:
-        raise ValueError(f"checkpoint {path} cannot be read: {error}; remove it to start anew") from error
-    if x.shape != (size,):
-        raise ValueError(
-            f"checkpoint {path} has {x.size} numbers, this problem {size}; it belongs to another: remove it"
-        )
-    if not 0 <= stage < stages:
-        raise ValueError(f"checkpoint {path} is of stage {stage}, there are {stages}; it belongs to another: remove it")
-    if not np.isclose(found, mark, rtol=SAME_COST, atol=0.0, equal_nan=True):
-        raise ValueError(
-            f"checkpoint {path} is of a problem whose nominal values cost {found:.6g}, those of this one {mark:.6g}; "
-            "it belongs to another: remove it"
-        )
-    if not np.isfinite(x).all():
-        raise ValueError(f"checkpoint {path} holds a number that is not finite; remove it to start anew")
-    return stage, jnp.asarray(x)
